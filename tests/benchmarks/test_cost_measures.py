@@ -1,26 +1,21 @@
-"""What only a hand-made case shows of the measures of costs: of a step, of a first run, of many degrees of freedom."""
+"""What only a hand-made case shows of the measures of costs: a step, an error, a first run, sizes, ensembles."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from phasebench.benchmarks.ladder.costs import at
 from phasebench.benchmarks.measure import canary
-from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.measure.timing import NOWHERE
 from phasebench.benchmarks.studies.costs import large, solvers, start, step
 from phasebench.benchmarks.studies.costs.systems import SYSTEMS
-from phasebench.integrators.compile import cache, codegen
+from phasebench.benchmarks.studies.ensembles import against, maps
 from phasebench.integrators.compile.codegen import TUPLE_LIMIT
 from phasebench.integrators.prepared import prepare
-from phasebench.integrators.registry import BY_ID, METHODS
-from phasebench.reference.peers import particles
-
-# -- what a step costs -------------------------------------------------------------------------------------------------
 
 
 def test_rows_of_step_times_have_medians(monkeypatch):
@@ -34,12 +29,6 @@ def test_rows_of_step_times_have_medians(monkeypatch):
     assert [row[c] for c in ("median", "median, low", "median, high", step.WANTED)] == [3.0, 2.0, 3.0, 1.05]
 
 
-def test_methods_are_timed_on_the_problems_on_which_they_run():
-    for name, traits in step.PROBLEMS.items():
-        system = problem(name).system
-        assert all(({*m.requires} <= traits) == (m.lacks(system) is None) for m in step.METHODS.values()), name
-
-
 def test_canary_sees_kernels_that_became_slower():
     stored = dict.fromkeys(canary.METHODS, 2.0)
     rows = [{"method": m, "ratio": 2.02} for m in canary.METHODS]
@@ -47,14 +36,6 @@ def test_canary_sees_kernels_that_became_slower():
     slower = [row | {"ratio": 2.6 if k % 3 else 2.0} for k, row in enumerate(rows)]
     assert canary.change(slower, stored.get) > canary.SAME
     assert canary.change(rows, {}.get) is None
-
-
-# -- how long until the first result -----------------------------------------------------------------------------------
-
-
-def test_every_kernel_is_started():
-    started = {BY_ID[id].family for ids in start.FIRSTS.values() for id in ids.split()}
-    assert {m.family for m in METHODS} == started
 
 
 def test_second_start_with_one_cache_compiles_nothing(tmp_path):
@@ -67,44 +48,37 @@ def test_second_start_with_one_cache_compiles_nothing(tmp_path):
     assert kept[1] == kept[0]
 
 
-def test_default_cache_is_empty_and_removed(monkeypatch):
-    folders = []
-
-    def seen(words, **environment):
-        folders.append(Path(environment["PHASEBENCH_CACHE"]))
-        assert list(folders[0].iterdir()) == []
-        assert json.loads(words[-1])[:3] == ["rk4", "toda", [["N", 4]]]
-        return '{"before": 1.0, "seconds": 2.0, "status": "ok"}\n'
-
-    monkeypatch.setattr(start, "_run", seen)
-    row = start.cold("rk4", "toda, N = 4")
-    assert (row["d"], row["seconds"], row["seconds before"]) == (4, 2.0, 1.0)
-    assert not folders[0].exists()
+# -- the cost at an error ----------------------------------------------------------------------------------------------
 
 
-def test_warm_commands_alternate_with_the_import_of_numba(monkeypatch):
-    ran = []
-    monkeypatch.setattr(start, "_run", ran.append)
-
-    def turns(work, rounds):
-        for run in work.values():
-            run()
-        return {what: [3.0, 1.0, 2.0] for what in work}
-
-    monkeypatch.setattr(start, "time_in_turns", turns)
-    rows = start.warm()
-    assert [r["what"] for r in rows] == [start.FLOOR, *map(" ".join, start.COMMANDS)]
-    assert [(r["seconds"], r["low"], r["high"]) for r in rows] == [(2.0, 1.0, 3.0)] * len(rows)
-    assert ran[0] == ["-c", "import numba"]
-    assert ran[1][:5] == ["-m", "phasebench", "integrate", "pendulum", "stormer-verlet"]
+def runs(*of: tuple[float, float]) -> pd.DataFrame:
+    """Fabricated runs (error, us) of one side, with intervals of 2 %."""
+    return pd.DataFrame([{"error": e, "us": us, "us, low": us * 0.98, "us, high": us * 1.02} for e, us in of])
 
 
-def test_a_failed_process_raises():
-    with pytest.raises(RuntimeError, match="ZeroDivisionError"):
-        start._run(["-c", "1 / 0"])
+LADDER = [(2.0 ** (-4 * k), 2.0**k) for k in range(12)]
+#: Runs, the error that is asked, what it costs.
+COSTS = [
+    (LADDER, 2.0**-16, 2.0**4),
+    (LADDER, 2.0**-18, 2.0**4.5),
+    (LADDER, 10.0, 1.0),
+    ([*LADDER, (np.nan, 1e-3)], 2.0**-16, 2.0**4),  # a failed run
+    ([(1e-3, 50.0), (1e-9, 10.0)], 1e-5, 10.0),  # one that is accurate and cheap
+    ([(1e-3, 1.0), (0.0, 5.0)], 1e-5, 5.0),
+    ([(0.099, 1.0), (1e-3, 100.0)], (0.099 * 1e-3) ** 0.5, 10.0),
+    ([(0.1, 1.0), (1e-3, 100.0)], 1e-2, 100.0),  # two decades are too far
+]
 
 
-# -- many degrees of freedom -------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("rungs", "error", "cost"), COSTS)
+def test_cost_at_an_error_is_interpolated(rungs, error, cost):
+    found = at(runs(*rungs), error)
+    assert found.value == pytest.approx(cost)
+    assert (found.low, found.high) == pytest.approx((0.98 * cost, 1.02 * cost))
+    assert at(runs(*rungs), 1e-30) is NOWHERE or rungs[-1][0] == 0
+
+
+# -- many degrees of freedom, ensembles --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -115,27 +89,9 @@ def test_c_and_python_integrate_alike_at_every_size(name):
         ends = system.prepare_c(d)(system.h, large.FEW)
         assert large.distance(run(system.h, large.FEW), ends) < 1e-14
         assert np.abs(ends[0] - start[0]).max() > 1e-10
-
-
-def test_control_another_constant_gives_other_states():
-    system, d = SYSTEMS["klein-gordon"], TUPLE_LIMIT + 4
-    other = replace(system, constants=lambda d: (4.001, 2.0))  # the first is 4
-    ours = prepare(system.fastest_form(d), system.method)(system.h, large.FEW)
-    assert large.distance(ours, other.prepare_c(d)(system.h, large.FEW)) > 1e-8
-
-
-def test_rebound_takes_the_same_steps():
-    """REBOUND's leapfrog is drift-kick-drift, also of order 2: the states differ by the truncation error only."""
-    system, d, N, apart = SYSTEMS["n-body"], 24, 8, []
-    setting = particles.Setting(particles.GRAVITY, (1 / N,) * N, 3, 0, (1.0,) * d)
-    for h in (system.h, system.h / 2):
-        sim, _ = particles.build(setting, *system.start(d), "leapfrog")
-        sim.dt, n = h, round(0.01 / h)
-        sim.steps(n)
-        sim.synchronize()
-        apart.append(np.abs(particles.state(sim, setting)[:d] - system.prepare_c(d)(h, n)[0]).max())
-    assert apart[0] < 1e-4
-    assert apart[0] / apart[1] == pytest.approx(4, rel=0.1)
+    if name == "klein-gordon":
+        other = replace(system, constants=lambda d: (4.001, 2.0))  # the control: the first is 4
+        assert large.distance(run(system.h, large.FEW), other.prepare_c(d)(system.h, large.FEW)) > 1e-8
 
 
 def test_interval_of_an_exponent_covers():
@@ -149,47 +105,24 @@ def test_interval_of_an_exponent_covers():
     assert np.isnan(large.exponent(d[:2], d[:2])).all()
 
 
-def test_a_cost_is_too_steep_only_with_its_whole_interval():
-    d = np.array([64, 256, 1024, 4096])
-    for noise, fits in (([1, 1, 1, 1], False), ([3, 1 / 3, 3, 1 / 3], True)):
-        rows = pd.DataFrame({"system": "toda", "d": d, "ns, ours": d**1.2 * noise})
-        assert list(large.fits(rows)) == [fits]
-
-
-def test_functions_are_compiled_without_the_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))
-    before = dict(codegen._ready)
-    with large.nothing_kept():
-        assert cache.root() != tmp_path
-        assert not codegen._ready
-    assert cache.root() == tmp_path
-    assert before.items() <= codegen._ready.items()
-    seconds = [large.getting_ready(lambda: SYSTEMS["toda"].by_hand(24)) for _ in range(2)]
-    assert min(seconds) > 0.02, "the second time it is compiled again"
-
-
-@pytest.mark.parametrize("step", [pytest.param("short", marks=pytest.mark.thorough), "long"])
-def test_row_of_both_solvers(step, monkeypatch):
-    monkeypatch.setattr(solvers, "ROUNDS", 1)
-    row = solvers.row("toda", 24, step)
-    assert row["by"] == (solvers.MATRIX if step == "long" else solvers.FIXED)
-    assert row["solved, usual"]
-    assert row["solved, banded"]
-    assert row["apart"] < solvers.SAME
-    assert row["kB, banded"] < row["kB, usual"]
-    assert (row["evaluations, banded"] < row["evaluations, usual"] / 5) == (step == "long")
-    assert all(row[f"ns, {who}"] > 0 for who in ("usual", "banded"))
-
-
 def test_steps_lie_on_both_sides_of_contraction(monkeypatch):
     monkeypatch.setattr(solvers, "timed", lambda runs, h: {})
     for name, steps in solvers.LATTICES.items():
         assert [solvers.row(name, 24, s)["by"] for s in steps._fields] == [solvers.FIXED, solvers.MATRIX], name
 
 
-def test_a_long_step_of_a_large_lattice_skips_full_matrices(monkeypatch):
-    monkeypatch.setattr(solvers, "FULL", 23)
-    monkeypatch.setattr(solvers, "timed", lambda runs, h: {"timed": tuple(runs)})
-    long, short = (solvers.row("toda", 24, step) for step in ("long", "short"))
-    assert (long["timed"], short["timed"]) == (("banded",), ("usual", "banded"))
-    assert "by" not in long
+def test_error_is_that_of_the_worst_orbit():
+    truth = np.zeros((3, 2))
+    ends = np.array([[0.1, 0.0], [0.0, -0.5], [0.2, 0.3], [9.0, 9.0]])
+    assert against.worst(ends, truth) == 0.5, "of those that are judged"
+    ends[0, 0] = np.nan
+    assert np.isnan(against.worst(ends, truth))
+
+
+def test_starts_of_maps_lie_on_the_plane_at_their_energy():
+    q2, p2 = np.random.default_rng(1).uniform(-0.2, 0.2, (2, 50))
+    Q, P = maps.on_plane(q2, p2)
+    energy = (P**2).sum(1) / 2 + (Q**2).sum(1) / 2 + Q[:, 0] ** 2 * Q[:, 1] - Q[:, 1] ** 3 / 3
+    np.testing.assert_allclose(energy, maps.ENERGY, rtol=1e-14)
+    assert (Q[:, 0] == 0).all()
+    assert (P[:, 0] > 0).all()

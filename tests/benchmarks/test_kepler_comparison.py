@@ -34,7 +34,7 @@ def worst(found, names=("phase", "perihelion", "anomaly")):
     return max(float(np.abs(getattr(found, n)).max()) for n in names)
 
 
-@pytest.mark.parametrize("e", [0.0, 0.2, 0.9])
+@pytest.mark.parametrize("e", [0.0, 0.9])
 def test_elements_of_exact_kepler_motion(e):
     p = build_problem("kepler", e)
     truth = kepler.truth(p)
@@ -58,8 +58,7 @@ def test_elements_of_exact_kepler_motion(e):
     assert np.abs(other.phase).max() > 1e-2
 
 
-@pytest.mark.parametrize("turn", [1, -1], ids=["prograde", "retrograde"])
-@pytest.mark.parametrize("e", [0.0, 0.6, 0.9])
+@pytest.mark.parametrize(("e", "turn"), [(0.0, 1), (0.9, -1)])
 def test_angle_variables_of_the_perturbed_problem(e, turn):
     p = build_problem("perturbed-kepler", e)
     truth = kepler.truth(p)
@@ -79,29 +78,10 @@ def test_angle_variables_of_the_perturbed_problem(e, turn):
     assert worst(kepler.errors(kepler.truth(start), when, rows[:, :2], rows[:, 2:])) > 1e-2
 
 
-def test_quadratures_have_converged():
-    p = build_problem("perturbed-kepler", 0.9)
-    s = integrator("scheme-iii-suzuki-4", parameters={"lam": "0"}).run(p, h=0.01, steps=500)
-    few, many = (kepler.elements(s.q, s.p, 0.002, nodes) for nodes in (kepler.NODES, 3 * kepler.NODES))
-    assert all(np.abs(a - b).max() < 1e-14 for a, b in zip(few, many, strict=True))
-    rough = kepler.elements(s.q, s.p, 0.002, 6)
-    assert np.abs(rough.anomaly - many.anomaly).max() > 1e-10
-
-
-def test_advance_of_a_weak_perturbation_is_first_order():
-    p = build_problem("kepler", 0.6)
-    L = p.q0[0] * p.p0[1]
-    mus = np.array([1e-2, 1e-3, 1e-4, 1e-5])
-    off = [float(kepler.exact_orbit(p.q0, p.p0, mu)[0] / kepler.first_order_advance(L, mu)) - 1 for mu in mus]
-    assert np.abs(np.diff(np.log(off)) / np.diff(np.log(mus)) - 1).max() < 0.1
-    assert 0 < off[-1] < 1e-4
-
-
-@pytest.mark.parametrize("e", [0.0, 0.6, 0.9])
-def test_advance_and_period_in_quadruple_precision(e):
+def test_advance_and_period_in_quadruple_precision():
     import mpmath
 
-    p = build_problem("perturbed-kepler", e)
+    p = build_problem("perturbed-kepler", 0.6)
     advance, period = kepler.exact_orbit(p.q0, p.p0, p.parameters["mu"])
     quad = taylor.extended_types()[1]
     T = float(period)
@@ -116,23 +96,6 @@ def test_advance_and_period_in_quadruple_precision(e):
         assert abs(radial) < 1e-26
     first = kepler.first_order_advance(p.q0[0] * p.p0[1], p.parameters["mu"])
     assert abs(float(advance) - first) > 1e-5
-
-
-def test_advance_is_measured_per_orbit():
-    p = build_problem("perturbed-kepler", 0.6)
-    truth = kepler.truth(p)
-    other = SimpleNamespace(q0=p.q0, p0=(0.0, p.p0[1] * 0.99), parameters=p.parameters)
-    n, h = np.arange(1, 101), truth.period / 2
-    rows = taylor.states(p.system, np.longdouble, other.q0, other.p0, h * n).astype(float)
-    when = kepler.times(h, n, exactly=False)
-    found = kepler.errors(truth, when, rows[:, :2], rows[:, 2:])
-    told = kepler.advances(truth, when, found, -1)
-    advance = told["advance"]
-    assert abs(advance - kepler.truth(other).advance) < 1e-13
-    assert abs(advance - truth.advance) > 1e-4
-    away = kepler.truth(other).advance - truth.advance
-    assert told == {"advance": advance, "advance error": pytest.approx(away, abs=1e-13)}
-    assert kepler.advances(kepler.truth(build_problem("kepler", 0.6)), when, found, -1) == {}
 
 
 def test_phases_are_unwrapped_over_many_turns():
@@ -178,44 +141,6 @@ def test_failed_run_has_a_status_and_reason():
 # -- perturbed initial states -----------------------------------------------------------------------------------------
 
 
-def test_perturbed_starts_are_one_ulp_away():
-    p = build_problem("kepler", 0.6)
-    found = runs.neighbours(p)
-    assert len({(s.q0, s.p0) for s in found}) == 8
-    for s in found:
-        away = [abs(x - y) / np.spacing(y) for x, y in zip((*s.q0, *s.p0), (*p.q0, *p.p0), strict=True) if y]
-        # Below a power of two the spacing halves.
-        assert max(away) in (0.5, 1.0)
-        assert (s.q0[1], s.p0[0]) == (0.0, 0.0)
-        assert kepler.truth(s).H != kepler.truth(p).H or kepler.truth(s).L != kepler.truth(p).L
-
-
-def test_each_draw_is_compared_with_its_own_orbit(monkeypatch):
-    """Randomly perturbed starts have exact phases of their own; the truncation error is common to all."""
-    p, c = build_problem("kepler", 0.2), integrator("heyoka")
-    truth = kepler.truth(p)
-    setting = runs.settings(c)[0]
-    found = list(runs.draws(c, p, truth, setting, 1000))
-    assert len(found) == 8
-    assert max(found) < 1e-9
-    assert max(found) > 1.05 * min(found)
-    monkeypatch.setattr(runs, "neighbours", lambda problem: [SimpleNamespace(q0=p.q0, p0=p.p0, parameters={})])
-    faster = SimpleNamespace(q0=p.q0, p0=tuple(np.array(p.p0) * (1 + 1e-12)), parameters={})
-    monkeypatch.setattr(runs, "truth", lambda start: kepler.truth(faster))
-    (wrong,) = runs.draws(c, p, truth, setting, 1000)
-    assert wrong > 5e-9
-    coarse = integrator("scheme-iii", parameters={"lam": "0"})
-    monkeypatch.undo()
-    same = list(runs.draws(coarse, p, truth, steps(150), 200))
-    assert max(same) < (1 + 1e-6) * min(same)
-
-
-def test_failed_draw_is_infinite(monkeypatch):
-    p = build_problem("kepler", 0.9)
-    monkeypatch.setattr(runs, "neighbours", lambda problem: [problem])
-    assert list(runs.draws(integrator("stormer-verlet"), p, kepler.truth(p), steps(20), 100)) == [np.inf]
-
-
 @pytest.mark.parametrize(
     ("others", "found"),
     [
@@ -233,65 +158,9 @@ def test_median_phase_error_from_draws(others, found):
     assert count == taken[1]
 
 
-@pytest.mark.parametrize(
-    ("phase", "seconds", "starts"),
-    [(1e-9, 0.1, 9), (1e-7, 0.1, 1), (1e-11, 0.1, 1), (1e-9, 3.0, 1), (2.9e-8, 2.4, 9), (3.1e-11, 0.1, 9)],
-)
-def test_draws_are_made_where_round_off_matters(phase, seconds, starts, monkeypatch):
-    run = {"status": "ok", "seconds": seconds}
-    monkeypatch.setattr(runs, "on_the_way", lambda *of: (dict(run), [{"phase": 5.0}, {"phase": phase}]))
-    monkeypatch.setattr(runs, "draws", lambda *of: iter([phase * k for k in range(2, 10)]))
-    found, _ = runs.run(HEYOKA, *runs.orbit("kepler", 0.2)[:2], runs.settings(HEYOKA)[0])
-    assert found["starts"] == starts
-    assert "seconds" not in found
-    if starts == 9:
-        assert found["phase median"] == pytest.approx(5 * phase)
-    elif seconds > runs.DEAR:
-        assert (found["phase, low"], found["phase, high"]) == pytest.approx((phase / 30, phase * 30))
-    else:
-        assert found["phase, low"] == found["phase, high"] == phase
-
-
-def test_failed_run_has_an_infinite_phase_error(monkeypatch):
-    monkeypatch.setattr(runs, "on_the_way", lambda *of: ({"status": "diverged", "seconds": 1.0}, [{"phase": 1e-9}]))
-    found, _ = runs.run(HEYOKA, *runs.orbit("kepler", 0.2)[:2], runs.settings(HEYOKA)[0])
-    assert found["phase median"] == found["phase, low"] == np.inf
-
-
-@pytest.mark.parametrize(
-    ("phases", "cost", "taken"),
-    [
-        ({150: 1e-5, 300: 1e-7, 600: 1e-9, 1200: 5e-11, 100: 1e-4, 50: 1e-3}, 0.0, (150, 300, 600, 1200, 100, 50)),
-        ({150: 1e-5, 300: 1e-7, 600: 1e-9, 1200: 5e-11, 100: 0.1}, 0.0, (150, 300, 600, 1200, 100)),
-        ({150: 1.0, 300: 0.5}, 3.9e-7, (150, 300)),
-        ({150: 5e-11, 100: 1e-4, 50: 1e-3}, 0.0, (150, 100, 50)),
-    ],
-    ids=["both ways", "too wide", "too dear", "fine enough"],
-)
-def test_ladder_ends_where_it_is_of_no_use(phases, cost, taken, monkeypatch):
-    monkeypatch.setattr(
-        runs, "orbit_clock", lambda c, made, period, setting, orbits: lambda: cost * setting.per_orbit * orbits
-    )
-
-    def run(c, made, exact, setting):
-        phase = phases[setting.per_orbit]
-        return {"status": "ok", "phase median": phase, "phase, low": phase, "phase, high": phase}, []
-
-    monkeypatch.setattr(runs, "run", run)
-    found = [s.per_orbit for s, _, _ in runs.runs(integrator("gauss-8"), *runs.orbit("kepler", 0.2)[:2])]
-    assert tuple(found) == taken
-
-
 def test_perturbation_gives_every_orbit_the_same_advance():
     """mu is proportional to L^4, so the first-order advance is the same; at e = 0.6 it is the talk's."""
     about = {e: runs.orbit("perturbed-kepler", e)[2] for e in runs.ECCENTRICITIES}
     assert about[0.6]["mu"] == 0.0075
     assert [a["first order"] for a in about.values()] == pytest.approx([about[0.6]["first order"]] * len(about))
     assert runs.orbit("kepler", 0.6)[2]["mu"] == 0.0
-
-
-def test_reference_samples_at_apocentres():
-    _, run, samples = runs.reference(*runs.orbit("kepler", 0.2)[:2], 10)
-    assert [s["orbits"] % 1 for s in samples] == [0.5] * len(samples)
-    assert run["reached"] == run["orbits"] == samples[-1]["orbits"] == 10.5
-    assert max(s["phase"] for s in samples) < 1e-12
