@@ -94,8 +94,12 @@ def rooted(rows: pd.DataFrame) -> Count:
 
 def most_rootless(text: str) -> Callable[[pd.DataFrame], str]:
     """The run with most steps without a root, formatted by ``text``; "" if there is none."""
-    named = worst("`without a root`", text)
-    return lambda rows: named(rows) if rows["without a root"].any() else ""
+
+    def where(rows: pd.DataFrame) -> str:
+        found = worst("`without a root`", text)(rows)
+        return found if rows["without a root"].any() else ""
+
+    return where
 
 
 def both(rows: pd.DataFrame) -> Count | None:

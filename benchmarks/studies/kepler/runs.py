@@ -323,7 +323,8 @@ def orbit_times(problem: str, e: float) -> list[dict]:
 
 
 @cache
-def _end(problem: str) -> taylor.Reference:
+def end(problem: str) -> taylor.Reference:
+    """The Taylor reference of a problem after `HALF` orbits."""
     return taylor.reference(problem_of(problem), [HALF * 2 * pi])
 
 
@@ -339,7 +340,7 @@ def cost(problem: str, method: str) -> list[dict]:
 
 
 def _cost(problem: str, c: Integrator, setting: str, size: dict) -> dict:
-    made, true = problem_of(problem), _end(problem)
+    made, true = problem_of(problem), end(problem)
     row = {"problem": problem, "e": made.parameters["e"], "orbits": HALF, "method": c.label, "kind": c.kind}
     s = c.run(made, **size, save_every=ceil(size["steps"] / MOST))
     row |= {"setting": setting, "status": s.status, "reason": s.reason, "steps": s.counts.get("steps", 0)}

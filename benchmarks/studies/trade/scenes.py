@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.ladder.choice import winner
+from phasebench.benchmarks.ladder.choice import choices, winner
 from phasebench.benchmarks.ladder.race import UNCOMPILED
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.timing import OURS, PEERS
@@ -41,13 +41,13 @@ def _of_scene(question: Question, table: object, data: Data) -> pd.DataFrame | N
 
 def won(rows: pd.DataFrame) -> Count:
     """The errors at which ours is the fastest, of those at which one side is."""
-    ours, peers, _ = counts(rows)
+    ours, peers, _ = counts(choices(rows))
     return Count(ours, ours + peers)
 
 
 def lost(rows: pd.DataFrame) -> str:
     """The errors at which a peer is the fastest."""
-    errors = [f"{a:g}" for a in rows["accuracy"][rows["cheaper"] == PEERS]]
+    errors = [f"{a:g}" for a in rows["accuracy"][choices(rows)["cheaper"] == PEERS]]
     return f"errors up to {join_list(errors, 3)}" if errors else ""
 
 
@@ -56,6 +56,12 @@ def truth_of(rows: pd.DataFrame) -> str:
     name, uncertainty = rows[["reference", "reference uncertainty"]].iloc[0]
     kind = TRUTHS.get(name, name)
     return f"{kind}, uncertain by {number(uncertainty, 2)}" if uncertainty > 0 else kind
+
+
+def unjudged(question: Question, rows: pd.DataFrame) -> str:
+    """The reference, if it is too uncertain for some error."""
+    told = truth_of(rows)
+    return "" if len(rows) == len(question.accuracies) else told
 
 
 def _answer(question: Question, data: Data) -> str | None:
@@ -159,7 +165,7 @@ def study_of(place: float, question: Question) -> Study:
             "reference": Claim(
                 "The reference is certain enough to judge every error",
                 joined, lambda rows: Count(len(rows), errors), EVERY, rows=here, unit="errors",
-                where=lambda rows: "" if len(rows) == errors else truth_of(rows),
+                where=partial(unjudged, question),
             ),
             "compilation": Claim(
                 "No integrator was dropped because it does not compile",
