@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md")}
 BLOCK = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 #: Slow commands: they are parsed, not run.
-LONG = ("run", "report", "certify", "audit", "compare", "advise", "workprecision")
+LONG = ("run", "report", "certify", "audit", "compare", "advise", "validate", "workprecision")
 
 
 def blocks(language: str) -> list[str]:
@@ -62,33 +62,30 @@ def test_every_block_has_a_language_that_is_tested():
 
 @pytest.mark.parametrize("arguments", commands_of(("phasebench",)), ids=" ".join)
 def test_commands_of_the_documents_run(arguments, folder):
-    """Quick commands run without error; slow ones only parse."""
     if arguments[0] in LONG:
         command = typer.main.get_command(app).commands[arguments[0]]
         assert command.make_context(arguments[0], arguments[1:])
         return
     result = call(*arguments)
-    assert result.exit_code == ("mislabelled" in " ".join(arguments)), result.stderr
+    assert result.exit_code == 0, result.stderr
     assert result.stdout.strip()
 
 
 def test_output_in_readme_is_what_the_command_prints():
     """Of the one command in the README whose output holds no time."""
     refresh = runpy.run_path(str(ROOT / "docs" / "readme.py"))
-    stability = next(b for b in refresh["BLOCK"].finditer(DOCUMENTS["README.md"]) if "stability" in b[1])
-    assert refresh["refreshed"](stability[0]) == stability[0]
-    assert refresh["refreshed"](stability[0].replace("3.13", "3.14")) == stability[0]
+    (stability,) = (b[0] for b in refresh["BLOCK"].finditer(DOCUMENTS["README.md"]) if "stability" in b[1])
+    wrong = stability.replace("3.13", "3.14")
+    assert refresh["refreshed"](wrong) == stability != wrong
 
 
 def test_readme_fits_a_screen_or_two():
     assert len(DOCUMENTS["README.md"].splitlines()) <= 120
 
 
-def test_control_a_wrong_command_is_seen(folder):
-    command = typer.main.get_command(app).commands["run"]
+def test_control_a_wrong_option_is_seen():
     with pytest.raises(Exception, match="No such option"):
-        command.make_context("run", ["--scenery", "x"])
-    assert call("integrate", "pendulum", "./none.py", "--h", "1", "--steps", "1").exit_code == 2
+        typer.main.get_command(app).commands["run"].make_context("run", ["--scenery", "x"])
 
 
 @pytest.mark.parametrize("code", blocks("python"), ids=lambda code: code.split("\n")[0])
@@ -100,7 +97,6 @@ def test_code_of_the_documents_runs(code, folder):
 
 @pytest.mark.parametrize("arguments", commands_of(("pytest",)), ids=" ".join)
 def test_pytest_commands_name_existing_files_and_options(arguments):
-    """Files and options given to pytest exist."""
     paths = [a for a in arguments if re.match(r"(tests|benchmarks)\b", a)]
     assert paths
     assert all((ROOT / path).exists() for path in paths)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import importlib
 import json
-import os
 import subprocess
 import sys
 from functools import cache
@@ -67,6 +66,7 @@ ROOMS = {
 HEAVY = ("heyoka", "rebound", "matplotlib", "pandas", "scipy")
 #: Parts of SciPy that the integrators may use: they solve no differential equation.
 ALGEBRA = ("scipy.sparse.", "scipy.optimize.")
+SOURCES = [p for folder in MAY for p in sorted((ROOT / folder).rglob("*.py"))]
 
 
 @cache
@@ -83,14 +83,18 @@ def imports_of(text: str, package: str) -> frozenset[str]:
             home = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
             base = ".".join(home + ([node.module] if node.module else []))
             names |= {f"{base}.{a.name}" for a in node.names}
-        elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in (
-            "import_module",
-            "__import__",
-        ):
-            first = node.args[0] if node.args else None
-            if isinstance(first, ast.Constant) and isinstance(first.value, str) and not first.value.startswith("."):
-                names.add(first.value)
+        elif isinstance(node, ast.Call) and node.args:
+            called, first = getattr(node.func, "attr", getattr(node.func, "id", "")), node.args[0]
+            name = first.value if isinstance(first, ast.Constant) and isinstance(first.value, str) else "."
+            if called in ("import_module", "__import__") and not name.startswith("."):
+                names.add(name)
     return frozenset(names)
+
+
+@cache
+def found(path: Path) -> frozenset[str]:
+    """What a source file imports."""
+    return imports_of(path.read_text(), package_of(path))
 
 
 def package_of(path: Path) -> str:
@@ -103,17 +107,6 @@ def folders(names: set[str]) -> set[str]:
     return {n.split(".")[1] for n in names if n.startswith("phasebench.") and n.split(".")[1] in MAY}
 
 
-SOURCES = [p for folder in MAY for p in sorted((ROOT / folder).rglob("*.py"))]
-
-
-def test_imports_point_one_way():
-    for path in SOURCES:
-        names = imports_of(path.read_text(), package_of(path))
-        assert folders(names) <= MAY[path.relative_to(ROOT).parts[0]], path
-        first = {n.split(".")[0] for n in names}
-        assert not first & {*MAY, "tests", "reports", "support"}, f"{path}: the import name is phasebench"
-
-
 def upwards(folder: str, room: str, names: set[str]) -> set[str]:
     """Subpackages on a level above ``room`` that a source in ``room``, a subpackage of ``folder``, imports."""
     level = {r: i for i, rooms in enumerate(ROOMS[folder]) for r in rooms}
@@ -121,42 +114,11 @@ def upwards(folder: str, room: str, names: set[str]) -> set[str]:
     return {r for r in here if r in level and level[r] > level[room]}
 
 
-def test_subpackages_import_downwards():
-    for path in SOURCES:
-        folder, *rest = path.relative_to(ROOT).parts
-        room = rest[0].removesuffix(".py")
-        if room != "__init__":
-            assert room in {r for rooms in ROOMS[folder] for r in rooms}, f"{room} has no place in the house"
-            assert not upwards(folder, room, imports_of(path.read_text(), package_of(path))), path
-
-
-#: The room in which every part stands alone.
-APART = "studies"
-
-
 def elsewhere(own: str, names: set[str]) -> set[str]:
-    """Other studies, and parts of advice or certificates, that one of them imports."""
-    rooms = {".".join(n.split(".")[2:4]) if n.split(".")[2] == APART else n.split(".")[2] for n in names}
-    alone = {r for r in rooms if r.startswith((f"{APART}.", "advice", "certificate"))}
-    return alone - {own, own.partition(".")[2]}
-
-
-STUDIES = [p for p in SOURCES if APART in p.parts and p.stem != "__init__"]
-
-
-def test_a_study_imports_no_other():
-    for path in STUDIES:
-        names = {n for n in imports_of(path.read_text(), package_of(path)) if n.startswith("phasebench.benchmarks.")}
-        room, own = path.relative_to(ROOT).with_suffix("").parts[1:3]
-        assert not elsewhere(f"{room}.{own}", names) - {"studies.index"}, path
-
-
-def test_control_a_study_that_imports_another_is_seen():
-    found = {"phasebench.benchmarks.studies.trade.front", "phasebench.benchmarks.advice.advise.advise"}
-    assert elsewhere("studies.kepler", found) == {"studies.trade", "advice"}
-    assert elsewhere("studies.advice", found) == {"studies.trade"}
-    assert elsewhere("studies.rigid", {"phasebench.benchmarks.studies.parts.H"}) == {"studies.parts"}
-    assert STUDIES
+    """Other studies, and parts of advice or certificates, that the study ``own`` imports."""
+    inner = [n.split(".")[2:4] for n in names if n.startswith("phasebench.benchmarks.")]
+    studies = {part for room, part in (x for x in inner if len(x) == 2) if room == "studies"}
+    return (studies | {x[0] for x in inner if x[0] in ("advice", "certificate")}) - {own, "index"}
 
 
 def circles(graph: dict[str, set[str]]) -> list[set[str]]:
@@ -174,13 +136,37 @@ def circles(graph: dict[str, set[str]]) -> list[set[str]]:
     return [set(c) for c in together]
 
 
+def test_imports_point_one_way():
+    for path in SOURCES:
+        assert folders(found(path)) <= MAY[path.relative_to(ROOT).parts[0]], path
+        first = {n.split(".")[0] for n in found(path)}
+        assert not first & {*MAY, "tests", "reports", "support"}, f"{path}: the import name is phasebench"
+
+
+def test_subpackages_import_downwards():
+    for path in SOURCES:
+        folder, *rest = path.relative_to(ROOT).parts
+        room = rest[0].removesuffix(".py")
+        if room != "__init__":
+            assert room in {r for rooms in ROOMS[folder] for r in rooms}, f"{room} has no place in the house"
+            assert not upwards(folder, room, found(path)), path
+
+
+def test_a_study_imports_no_other():
+    studies = [p for p in SOURCES if "studies" in p.parts and p.stem != "__init__"]
+    assert studies
+    for path in studies:
+        own = path.relative_to(ROOT / "benchmarks" / "studies").with_suffix("").parts[0]
+        assert not elsewhere(own, found(path)), path
+
+
 def test_no_modules_import_each_other():
     """Imports inside functions count."""
     sources = {package_of(p) if p.stem == "__init__" else f"{package_of(p)}.{p.stem}": p for p in SOURCES}
     graph = {}
     for name, path in sources.items():
         targets = set()
-        for target in imports_of(path.read_text(), package_of(path)):
+        for target in found(path):
             while target and target not in sources:
                 target = target.rpartition(".")[0]
             targets.add(target)
@@ -189,37 +175,33 @@ def test_no_modules_import_each_other():
     assert circles(graph) == []
 
 
-def test_control_a_circle_is_seen():
-    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]
-
-
 def test_control_a_wrong_import_is_seen():
-    assert folders(imports_of("def f():\n    import phasebench.benchmarks.problems", "phasebench.integrators")) == {
-        "benchmarks"
-    }
-    assert folders(imports_of("from phasebench.reference.solvers import exact", "phasebench.integrators")) == {
-        "reference"
-    }
-    assert folders(imports_of("from . import solve\nfrom .vector import add", "phasebench.integrators.stepping")) == {
-        "integrators"
-    }
+    for text, folder in (
+        ("def f():\n    import phasebench.benchmarks.problems", "benchmarks"),
+        ("from phasebench.reference.solvers import exact", "reference"),
+        ("from . import solve\nfrom .vector import add", "integrators"),
+        ("importlib.import_module('phasebench.reference.peers')", "reference"),
+    ):
+        assert folders(imports_of(text, "phasebench.integrators.stepping")) == {folder}
     assert upwards("integrators", "stepping", {"phasebench.integrators.families.splitting"}) == {"families"}
     assert upwards("integrators", "families", {"phasebench.integrators.values.vector.add"}) == set()
-    assert {p.relative_to(ROOT).parts[0] for p in SOURCES} == set(MAY)
+    wrong = {"phasebench.benchmarks.studies.trade.front", "phasebench.benchmarks.advice.advise.advise"}
+    assert elsewhere("kepler", wrong) == {"trade", "advice"}
+    assert elsewhere("advice", wrong) == {"trade"}
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]
 
 
 @pytest.mark.parametrize(("module", "apart"), [("brute", True), ("__init__", False)])
 def test_the_control_of_advice_shares_no_code_with_it(module, apart):
     """The brute-force check of advice imports nothing from the search; the study does (control)."""
-    path = ROOT / "benchmarks" / "studies" / "advice" / f"{module}.py"
-    names = imports_of(path.read_text(), package_of(path))
+    names = found(ROOT / "benchmarks" / "studies" / "advice" / f"{module}.py")
     searching = ("phasebench.benchmarks.advice.", "phasebench.benchmarks.ladder.")
     assert (not any(n.startswith(searching) for n in names)) == apart
 
 
 def test_integrators_import_no_other_solver():
     for path in (ROOT / "integrators").rglob("*.py"):
-        names = {n for n in imports_of(path.read_text(), package_of(path)) if not n.startswith(ALGEBRA)}
+        names = {n for n in found(path) if not n.startswith(ALGEBRA)}
         assert not {n.split(".")[0] for n in names} & set(HEAVY), path.name
 
 
@@ -229,67 +211,74 @@ def test_every_folder_of_sources_is_a_package():
     assert not {p.parent for p in SOURCES if not p.with_name("__init__.py").exists()}
 
 
+def test_names_that_a_module_offers_exist():
+    offering = [
+        importlib.import_module(f"{package_of(p)}.{p.stem}".removesuffix(".__init__"))
+        for p in SOURCES
+        if "\n__all__ = [" in p.read_text()
+    ]
+    assert len(offering) >= 4
+    assert not [f"{m.__name__}.{n}" for m in offering for n in m.__all__ if not hasattr(m, n)]
+
+
+# -- in a fresh process -----------------------------------------------------------------------------------------------
+
+
 def fresh(code: str):
     """Run code in a fresh Python process and return the last line it prints, read as JSON."""
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=dict(os.environ), capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def heavy(code: str) -> set[str]:
-    """The heavy packages that are loaded after code has run in a fresh process."""
-    names = (*HEAVY, "scipy.integrate")
-    return set(fresh(f"{code}\nimport sys, json\nprint(json.dumps([m for m in {names!r} if m in sys.modules]))"))
+#: Imports and uses parts one after the other; prints the heavy packages that are loaded after each.
+LOADS = f"""
+import json, sys
+loaded = lambda: [m for m in {(*HEAVY, "scipy.integrate")!r} if m in sys.modules]
+import phasebench.integrators
+seen = [loaded()]
+import phasebench.benchmarks.problems
+from phasebench import Hamiltonian, integrate
+s = integrate(Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)"), "scheme-i", h=0.1, steps=2, q0=[1], p0=[0])
+assert s.status == "ok"
+seen.append(loaded())
+import scipy.integrate
+print(json.dumps([*seen, loaded()]))
+"""
 
 
-# Numba itself imports the top level of SciPy, but not scipy.integrate.
-@pytest.mark.parametrize(("module", "allowed"), [("integrators", set()), ("benchmarks.problems", {"scipy"})])
-def test_heavy_packages_are_not_loaded(module, allowed):
-    """Of the references `test_solvers` shows it."""
-    assert heavy(f"import phasebench.{module}") <= allowed
+def test_heavy_packages_are_not_loaded():
+    """Numba itself imports the top level of SciPy. Of the references `test_solvers` shows it."""
+    integrators, integration, control = map(set, fresh(LOADS))
+    assert not integrators
+    assert integration <= {"scipy"}
+    assert control == {"scipy", "scipy.integrate"}
 
 
-def test_an_integration_loads_no_other_solver():
-    code = (
-        "from phasebench import Hamiltonian, integrate\n"
-        "s = integrate(Hamiltonian(q='q', p='p', H='p**2/2 - cos(q)'), 'scheme-i', h=0.1, steps=2, q0=[1], p0=[0])\n"
-        "assert s.status == 'ok'"
-    )
-    assert heavy(code) <= {"scipy"}
-
-
-def test_control_heavy_packages_would_be_seen():
-    assert heavy("import scipy.integrate") >= {"scipy", "scipy.integrate"}
-
-
-PUBLIC = ("integrate", "method", "Hamiltonian", "METHODS", "Solution", "InvalidInput")
-#: Prints each pair of public names for which, imported in that order into a fresh package, the second is a module.
+#: Imports a public name into a fresh package and prints those that are modules then.
 PAIRS = """
 import importlib, json, sys, types
 wrong = []
-for first in {public!r}:
-    for name in {public!r}:
-        for loaded in [m for m in sys.modules if m.split(".")[0] == "phasebench"]:
-            del sys.modules[loaded]
-        package = importlib.import_module("phasebench")
-        getattr(package, first)
-        if isinstance(getattr(package, name), types.ModuleType):
-            wrong.append([first, name])
+for first in ("Hamiltonian", "Solution", "method"):
+    for loaded in [m for m in sys.modules if m.split(".")[0] == "phasebench"]:
+        del sys.modules[loaded]
+    package = importlib.import_module("phasebench")
+    getattr(package, first)
+    names = [n for n in ("integrate", "method") if isinstance(getattr(package, n), types.ModuleType)]
+    wrong += [[first, n] for n in names]
 print(json.dumps(wrong))
 """
 
 
 def test_public_names_are_never_their_modules():
     """Modules have the names ``integrate`` and ``method`` as well; importing another name must not bring them in."""
-    assert fresh(PAIRS.format(public=PUBLIC)) == []
+    assert fresh(PAIRS) == []
 
 
-#: Collects the benches as `pytest benchmarks` does; prints the project's files that were loaded as two modules.
+#: Collects the benches of a room as `pytest benchmarks` does; prints the project's files loaded as two modules.
 TWICE = """
 import json, os, sys, pytest
-pytest.main(["benchmarks", "--collect-only", "-q", "-p", "no:cacheprovider"])
+pytest.main(["benchmarks/ladder", "--collect-only", "-q", "-p", "no:cacheprovider"])
 import phasebench.benchmarks.cli, phasebench.benchmarks.report
 seen = {}
 for name, module in list(sys.modules.items()):
@@ -306,16 +295,8 @@ print(json.dumps([len(seen), {f: n for f, n in seen.items() if len(n) > 1 and no
 def test_no_source_is_loaded_under_two_names():
     """A file loaded twice would define two classes InvalidInput. Packages of benches, which pytest loads under a name
     of its own, must hold nothing but a docstring."""
+    packages = [p.with_name("__init__.py") for p in (ROOT / "benchmarks").glob("*/bench_*.py")]
+    assert [p for p in packages if len(ast.parse(p.read_text()).body) > 1] == []
     count, twice = fresh(f"ROOT = {str(ROOT)!r}" + TWICE)
     assert count > 40
     assert twice == {}
-
-
-def test_names_that_a_module_offers_exist():
-    offering = [
-        importlib.import_module(f"{package_of(p)}.{p.stem}".removesuffix(".__init__"))
-        for p in SOURCES
-        if "\n__all__ = [" in p.read_text()
-    ]
-    assert len(offering) >= 4
-    assert not [f"{m.__name__}.{n}" for m in offering for n in m.__all__ if not hasattr(m, n)]

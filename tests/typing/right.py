@@ -1,4 +1,4 @@
-"""Right use of the public face: mypy --strict passes on this file, and it runs."""
+"""Right use of the public face: mypy --strict passes on this file."""
 
 from __future__ import annotations
 
@@ -13,14 +13,12 @@ Floats = NDArray[np.float64]
 
 
 def leapfrog(system: pb.System, q: Floats, p: Floats, h: float) -> tuple[Floats, Floats]:
-    """A leapfrog step as a user would write it, with types."""
     p = p - h / 2 * system.dH_dq(q, p)
     q = q + h * system.dH_dp(q, p)
     return q, p - h / 2 * system.dH_dq(q, p)
 
 
 def integrate() -> None:
-    """Type-check and run integrations of one orbit: with a method, a peer, a step of one's own."""
     pendulum = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
     solution: pb.Solution = pb.integrate(pendulum, "scheme-v", h=0.1, t_end=10, q0=[2.0], p0=[0.0])
     status: str = solution.status
@@ -41,14 +39,12 @@ def integrate() -> None:
 
 
 def prepare() -> None:
-    """Type-check and run a prepared integrator, for many short runs."""
     run = pb.prepare("pendulum", "stormer-verlet")
     q, p, status = run(0.01, 100)
     print(q[0] + p[0], status.upper())
 
 
 def many() -> None:
-    """Type-check and run an ensemble of orbits and a Poincare section."""
     Q, P = np.array([[0.0, 0.1], [0.0, 0.2]]), np.tile([0.3, 0.0], (2, 1))
     found: pb.Ensemble = pb.integrate_ensemble("henon-heiles", "stormer-verlet", Q, P, h=0.01, t_end=1.0)
     print(found, found.status.tolist(), found.seconds, len(found.to_frame()))
@@ -57,20 +53,17 @@ def many() -> None:
 
 
 def problem_of_one_s_own() -> pb.Problem:
-    """A problem made from its parts: a Hamiltonian and an initial state."""
     system = pb.Hamiltonian(q="q", p="p", H="p**2/2 + q**4/4")
     return pb.Problem("mine", "quartic", "own", system, (pb.Orbit("start", (1.0,), (0.0,)),))
 
 
 def stable() -> None:
-    """Type-check and run the stability interval of a method on the oscillator."""
     found: pb.Stability = pb.stability("scheme-i", parameters={"lam": 0.25})
     limit: float | None = found.limit
     print(found, limit, found.intervals[0][0])
 
 
 def questions() -> None:
-    """Type-check advice, certificates, work-precision and audit; not run, as they take seconds to minutes."""
     advice: pb.Advice = pb.advise(problem_of_one_s_own(), t_end=10.0, accuracy=1e-6)
     if advice.choice is not None:
         print(advice.choice.command, advice.choice.seconds, advice.verified)
@@ -79,11 +72,3 @@ def questions() -> None:
     print(pb.workprecision("pendulum", ["pefrl", leapfrog], t_end=10.0).methods)
     print(pb.certify("pendulum").holds, pb.certify("pendulum", t_end=6.0).q[0])
     print(pb.audit(["scipy"], quick=True).contradictions)
-
-
-if __name__ == "__main__":
-    integrate()
-    prepare()
-    many()
-    stable()
-    print(problem_of_one_s_own().label)
