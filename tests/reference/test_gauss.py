@@ -1,8 +1,6 @@
-"""The Gauss method in long double: coefficients, order, starting values; Kepler's equation; horizons."""
+"""The Gauss method in long double: coefficients, order, starting values, kinks."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -11,16 +9,11 @@ import pytest
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.user import from_formula
 from phasebench.integrators import Hamiltonian
-from phasebench.reference.certificates import horizon
 from phasebench.reference.solvers import gauss, taylor
-from phasebench.reference.solvers.exact import anomaly
 
 LONG = np.longdouble
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 PENDULUM = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
-
-
-# -- the Gauss method -------------------------------------------------------------------------------------------------
 
 
 def text(x) -> mpmath.mpf:
@@ -43,35 +36,39 @@ def test_coefficients_are_exact_to_thirty_digits():
                 assert abs(sum(a * y ** (k - 1) for a, y in zip(row, c, strict=True)) - x**k / k) < 1e-30
         assert max(abs(x - float(y)) for x, y in zip(rule.c, c, strict=True)) < 1e-16
     assert 1e-21 < np.abs(rule.b_rest).max() < 1e-19, "what is left of a number in long double"
-    moments = [float(rule.weights @ rule.c**k) for k in range(8)]
-    assert moments == pytest.approx([0] * 7 + [1], abs=1e-9 * np.abs(rule.weights).max()), "a divided difference"
 
 
-@pytest.mark.parametrize("ratio", [0.3, 1.0, 1.7, 2.0, 5.0])
+@pytest.mark.parametrize("ratio", [0.3, 1.0, 1.7, 5.0])
 def test_stages_start_from_the_last_stage_polynomial(ratio):
     """Extrapolated with degree 7, to at most twice the last step."""
     rule, coefficients = gauss.tableau(), np.array([3.0, -1.0, 0.5, 0.0, 2.0, 1.0, -0.25, 0.125])
     found = np.polyval(coefficients, rule.c) @ gauss._extrapolation(rule, ratio)
-    wanted = np.polyval(coefficients, 1 + min(ratio, 2.0) * rule.c)
-    assert np.allclose(found.astype(float), wanted, rtol=1e-9)
+    assert np.allclose(found.astype(float), np.polyval(coefficients, 1 + min(ratio, 2.0) * rule.c), rtol=1e-9)
 
 
-@pytest.mark.parametrize("marks", [[], [1.0, 2.5], [0.5, 0.6, 1.7, 2.9, 7.0]])
+@pytest.mark.parametrize("marks", [[], [0.5, 0.6, 1.7, 2.9, 7.0]])
 def test_the_circle_is_exact_to_long_double(marks):
-    steps = sorted({*marks, *np.arange(0.25, 3.0, 0.25)})
-    rows = gauss.run(OSCILLATOR, (1.0,), (0.0,), steps, [2.0, 3.0])
+    rows = gauss.run(OSCILLATOR, (1.0,), (0.0,), sorted({*marks, *np.arange(0.25, 3.0, 0.25)}), [2.0, 3.0])
     with mpmath.workdps(30):
         for row, t in zip(rows, (2, 3), strict=True):
             assert abs(text(row[0]) - mpmath.cos(t)) < 5e-19
             assert abs(text(row[1]) + mpmath.sin(t)) < 5e-19
 
 
+@pytest.mark.processor
+def test_constants_are_not_rounded_to_doubles():
+    """2**(1/2) and 1/3 as doubles would be an error of 1e-16."""
+    made = problem("quadrupole-boson:benchmark")
+    long, quad = taylor.extended_types()
+    ends = taylor.step_ends(made.system, long, made.q0, made.p0, 2.0)
+    found = gauss.run(made.system, made.q0, made.p0, [x / 2 for x in ends] + ends, [2.0])[0]
+    truth = taylor.states(made.system, quad, made.q0, made.p0, [2.0])[0]
+    assert max(abs(float(quad(a) - b)) for a, b in zip(found, truth, strict=True)) < 3e-18 * max(map(abs, found))
+
+
 def test_the_error_has_order_sixteen():
-    true = gauss.run(PENDULUM, (1.5,), (0.3,), np.arange(0.25, 8, 0.25), [8.0])[0]
-    errors = [
-        float(np.abs(gauss.run(PENDULUM, (1.5,), (0.3,), np.arange(h, 8, h), [8.0])[0] - true).max())
-        for h in (2.0, 1.0)
-    ]
+    ends = [gauss.run(PENDULUM, (1.5,), (0.3,), np.arange(h, 8, h), [8.0])[0] for h in (2.0, 1.0, 0.25)]
+    errors = [float(np.abs(x - ends[2]).max()) for x in ends[:2]]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(16, abs=1.5)
 
 
@@ -88,6 +85,22 @@ def test_stage_iterations_end_at_round_off(monkeypatch):
     assert 20 * 12 < len(calls) < 20 * 26
 
 
+def test_unsolvable_stages_are_a_failure():
+    with pytest.raises(taylor.ReferenceFailed, match=r"after t = 0\.5; its steps are too large"):
+        gauss.run(PENDULUM, (1.5,), (0.3,), [0.25, 0.5], [90.0])
+
+
+def test_displaced_starts_are_followed():
+    moved, still = (
+        gauss.run(OSCILLATOR, (1.0,), (0.5,), [0.5, 1.0], [1.0], *f) for f in ([lambda y: y * (1 + 2.0**-40)], [])
+    )
+    assert moved[0] == pytest.approx(still[0] * (1 + 2.0**-39), rel=1e-14, abs=1e-14)
+    assert np.abs(moved - still).max() > 1e-12
+
+
+# -- kinks ------------------------------------------------------------------------------------------------------------
+
+
 def kinked(H, q0, p0, t, *marks):
     """The state at time t by Gauss's method, in steps of 0.1 that also end at the ``marks``."""
     made = from_formula(H, q0, p0, {})
@@ -95,7 +108,7 @@ def kinked(H, q0, p0, t, *marks):
     return row.astype(float)
 
 
-@pytest.mark.parametrize(("force", "t"), [(1, 20.0), (50, 7.3), (0.3, 41.0)])
+@pytest.mark.parametrize(("force", "t"), [(1, 20.0), (50, 7.3)])
 def test_a_kink_costs_no_accuracy(force, t):
     """The orbit of H = p^2/2 + k |q| from rest at 1 consists of parabolas."""
     quarter = np.sqrt(2 / force)
@@ -129,52 +142,3 @@ def test_control_steps_across_kinks_are_inaccurate(monkeypatch):
 
     monkeypatch.setattr(gauss, "right_hand_side", across)
     assert np.abs(kinked("p**2/2 + abs(q)", (2.5,), (-2.0,), 1.95) - (-2.54875, -2.05)).max() > 1e-4
-
-
-def test_unsolvable_stages_are_a_failure():
-    with pytest.raises(taylor.ReferenceFailed, match=r"after t = 0\.5; its steps are too large"):
-        gauss.run(PENDULUM, (1.5,), (0.3,), [0.25, 0.5], [90.0])
-
-
-@pytest.mark.parametrize(("ecosine", "esine"), [(0.0, 0.0), (0.6, 0.0), (0.3, -0.4), (0.999999, 0.0), (0.0, 0.99)])
-@pytest.mark.parametrize("M", ["-7", "1e-9", "0.3", "3.14", "250"])
-def test_keplers_equation_is_solved_to_all_digits(M, ecosine, esine):
-    with mpmath.workdps(60):
-        M, ecosine, esine = mpmath.mpf(M), mpmath.mpf(ecosine), mpmath.mpf(esine)
-        x = anomaly(M, ecosine, esine)
-        assert abs(x - ecosine * mpmath.sin(x) + esine * (1 - mpmath.cos(x)) - M) < mpmath.mpf("1e-54") * (1 + abs(M))
-
-
-def test_numbers_of_bits_and_digits():
-    for bits in (64, 113, 256):
-        digits = taylor.Bits(bits).digits
-        assert bits * np.log10(2) + 5 < digits < bits * np.log10(2) + 15
-        assert taylor.Bits(bits).__name__ == f"{bits}-bit"
-
-
-# -- horizons ---------------------------------------------------------------------------------------------------------
-
-
-def test_the_horizon_ends_before_the_limit_is_first_exceeded():
-    grid, size = [1.0, 2.0, 3.0, 4.0], np.array([1.0, 1.0, 10.0, 1.0])
-
-    def within(*distances: float) -> float:
-        """The time up to which an orbit with these distances at `grid` stays within 0.1 of its size."""
-        return horizon.within(grid, np.array(distances), size, 0.1)
-
-    assert within(0.0, 0.1, 1.0, 0.1) == 4.0, "relative to the size, and the limit itself is within"
-    assert within(0.0, 0.2, 0.0, 0.0) == 1.0
-    assert within(0.0, 0.0, 0.5, 0.2) == 3.0
-    assert within(0.2, 0.0, 0.0, 0.0) == within(np.nan, 0.0, 0.0, 0.0) == 0.0
-
-
-def test_marks_combine_grid_and_steps():
-    assert horizon._marks([1.0, 2.0], [0.5, 2.0]) == [(0.5, False, True), (1.0, True, False), (2.0, True, True)]
-
-
-def test_a_neighbour_of_an_oscillator_keeps_its_distance():
-    made = SimpleNamespace(system=OSCILLATOR, q0=(1.0,), p0=(0.0,))
-    grid = [0.5, np.pi, 6.0]
-    near = taylor.states(OSCILLATOR, np.longdouble, (1.0,), (0.0,), grid)
-    found = horizon.neighbour(made, grid, near)
-    assert found == pytest.approx(horizon.SHIFT * np.array([np.cos(0.5), 1.0, 1.0]), rel=1e-3, abs=0)

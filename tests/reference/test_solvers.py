@@ -1,7 +1,8 @@
-"""Reference solutions: exact ones, and certified Taylor runs."""
+"""Reference solutions: exact ones, certified Taylor runs, bodies of any mass, files."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -13,46 +14,56 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput
+from phasebench.reference.files import write_file
 from phasebench.reference.peers import PEERS
 from phasebench.reference.solvers import taylor, translate
-from phasebench.reference.solvers.exact import exact
+from phasebench.reference.solvers.attracting import Attracting
+from phasebench.reference.solvers.exact import anomaly, exact
 from phasebench.reference.solvers.taylor import ReferenceFailed, reference
 
 TIMES = np.array([i * 0.5 for i in range(21)])
+KEPLER = problem("kepler")
 
 
 def distance(found, solution) -> np.ndarray:
     """Distance in the maximum norm of a reference's decimal strings from an exact solution, array (rows,)."""
     with mpmath.workdps(45):
-        text = np.hstack([found.q_text, found.p_text])
-        rows = zip(text, np.hstack(solution), strict=True)
+        rows = zip(np.hstack([found.q_text, found.p_text]), np.hstack(solution), strict=True)
         return np.array([float(max(abs(mpmath.mpf(a) - b) for a, b in zip(x, y, strict=True))) for x, y in rows])
 
 
-def bare(system, q0, p0):
-    """Stand-in for a problem: a system with an initial state and nothing else."""
-    return SimpleNamespace(system=system, q0=q0, p0=p0)
+def bare(H, q0=(1.0,), p0=(0.0,)):
+    """Stand-in for a problem: a system of one degree of freedom with an initial state and nothing else."""
+    return SimpleNamespace(system=Hamiltonian(q="q", p="p", H=H), q0=q0, p0=p0)
 
 
-ROOMS = (
-    "solvers.exact",
-    "solvers.gauss",
-    "solvers.taylor",
-    "certificates.check",
-    "certificates.stored",
-    "peers.registry",
-    "files",
-)
+#: The oscillator q'' = -q/3, whose coefficient is not a double.
+THIRD = bare("p**2/2 + q**2/6")
+MODULES = ("solvers.exact", "solvers.gauss", "certificates.check", "certificates.stored", "peers.registry", "files")
 
 
 def test_importing_the_references_loads_no_solver():
     """Nor do the records of peers load their packages."""
-    imports = "\n".join(f"import phasebench.reference.{room}" for room in ROOMS)
-    code = f"import sys\n{imports}\nprint(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    code = "\n".join(["import sys", *(f"import phasebench.reference.{m}" for m in MODULES), "print(*sys.modules)"])
+    loaded = {*subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()}
     heavy = {"heyoka", "rebound", "scipy", "mpmath", "pandas", "matplotlib", "sympy", "numba", "phasebench.benchmarks"}
     assert "phasebench.reference.peers.rebound" in loaded
-    assert not (heavy | {p.package for p in PEERS}) & {*loaded}
+    assert not (heavy | {p.package for p in PEERS}) & loaded
+
+
+def test_a_file_that_cannot_be_replaced_stays_and_leaves_nothing_beside_it(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    path = tmp_path / "a.txt"
+    write_file(path, "old")
+    monkeypatch.setattr(os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_file(path, "new")
+    monkeypatch.undo()
+    assert ([*tmp_path.iterdir()], path.read_text()) == ([path], "old")
+    write_file(path, b"new")
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", 0o644)
 
 
 # -- exact solutions --------------------------------------------------------------------------------------------------
@@ -63,143 +74,110 @@ def test_kepler_conserves_its_invariants_to_all_digits(e, t):
     made = problem("kepler", e=e)
     q, p = exact(made, [0.0, t], 50)
     with mpmath.workdps(60):
-        values = [
-            [sp.lambdify((*made.system.q, *made.system.p), f, "mpmath")(*q[i], *p[i]) for i in (0, 1)]
-            for f in (made.system.H, *made.invariants.values())
-        ]
-    assert max(abs(a - b) for a, b in values) < mpmath.mpf("1e-46")
+        for f in (made.system.H, *made.invariants.values()):
+            value = sp.lambdify((*made.system.q, *made.system.p), f, "mpmath")
+            assert abs(value(*q[0], *p[0]) - value(*q[1], *p[1])) < mpmath.mpf("1e-46")
     assert max(abs(q[1] - q[0])) > 0.01
 
 
 def test_kepler_returns_after_one_period_only():
-    made = problem("kepler", e=0.6)
-    q, p = (np.array([mpmath.mpf(x) for x in v]) for v in (made.q0, made.p0))
+    q, p = (np.array([mpmath.mpf(x) for x in v]) for v in (KEPLER.q0, KEPLER.p0))
     with mpmath.workdps(50):
         a = 1 / (2 / abs(q[0]) - p[1] ** 2)
         period = 2 * mpmath.pi * a ** mpmath.mpf("1.5")
-    start, end = exact(made, [0.0, float(period)])[0]
-    offset = float(period) - period
-    assert abs(end[1] - start[1] - p[1] * offset) < 1e-30
-    assert abs(a - 1) > 0  # rounding the initial data to doubles changes the semi-axis
-    assert abs(a - 1) < 1e-15
+    start, end = exact(KEPLER, [0.0, float(period)])[0]
+    assert abs(end[1] - start[1] - p[1] * (float(period) - period)) < 1e-30
+    assert 0 < abs(a - 1) < 1e-15  # rounding the initial data to doubles changes the semi-axis
 
 
-def test_the_exact_solution_from_any_start_agrees_with_heyoka():
-    made = problem("kepler")
-    data = {"q0": (0.3, -1.1), "p0": (0.5, 0.4)}
-    found = reference(made, TIMES, **data)
-    assert (distance(found, exact(made, TIMES, **data)) <= 1.01 * found.uncertainty + 1e-23).all()
+@pytest.mark.parametrize(("ecosine", "esine"), [(0.0, 0.0), (0.3, -0.4), (0.999999, 0.0), (0.0, 0.99)])
+@pytest.mark.parametrize("M", ["-7", "1e-9", "3.14", "250"])
+def test_keplers_equation_is_solved_to_all_digits(M, ecosine, esine):
+    with mpmath.workdps(60):
+        M, ecosine, esine = mpmath.mpf(M), mpmath.mpf(ecosine), mpmath.mpf(esine)
+        x = anomaly(M, ecosine, esine)
+        assert abs(x - ecosine * mpmath.sin(x) + esine * (1 - mpmath.cos(x)) - M) < mpmath.mpf("1e-54") * (1 + abs(M))
 
 
-def test_problems_without_an_exact_solution():
-    assert exact(problem("henon-heiles"), [1.0]) is None
-    assert exact(problem("kepler"), [1.0], p0=(0.0, 3.0)) is None
-
-
-def test_a_quarter_period_exchanges_position_and_momentum():
+def test_the_oscillator_has_its_own_frequency():
     made = problem("harmonic-oscillator", omega=1.3)
     q, p = exact(made, [np.pi / 2 / 1.3], q0=(0.5,), p0=(-0.7,))
     assert float(q[0, 0]) == pytest.approx(-0.7 / 1.3, abs=1e-15)
     assert float(p[0, 0]) == pytest.approx(-0.5 * 1.3, abs=1e-15)
-
-
-def test_a_frequency_that_is_not_the_systems_is_refused():
-    made = problem("harmonic-oscillator", omega=1.3)
     wrong = SimpleNamespace(id=made.id, system=made.system, q0=made.q0, p0=made.p0, parameters={"omega": 1.3 + 1e-12})
     with pytest.raises(ValueError, match="omega"):
         exact(wrong, [1.0])
+    assert exact(problem("henon-heiles"), [1.0]) is None
+    assert exact(KEPLER, [1.0], p0=(0.0, 3.0)) is None
 
 
 # -- Taylor references ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("name", "wrong"), [("harmonic-oscillator", {"omega": 1.3}), ("kepler", {"e": 0.6})])
-def test_the_exact_solution_lies_within_the_uncertainty(name, wrong):
-    made = problem(name, **wrong)
-    found = reference(made, TIMES)
+@pytest.mark.parametrize(
+    ("name", "parameters", "start"),
+    [
+        ("harmonic-oscillator", {"omega": 1.3}, {}),
+        ("kepler", {"e": 0.6}, {}),
+        ("kepler", {}, {"q0": (0.3, -1.1), "p0": (0.5, 0.4)}),
+    ],
+)
+def test_the_exact_solution_lies_within_the_uncertainty(name, parameters, start):
+    made = problem(name, **parameters)
+    found = reference(made, TIMES, **start)
     assert (found.uncertainty[1:] > 0).all()
-    assert found.uncertainty.max() < 1e-16
-    assert (distance(found, exact(made, TIMES)) <= 1.01 * found.uncertainty + 1e-23).all()
-    (key, value), *_ = wrong.items()
-    off = exact(problem(name, **{key: value * (1 + 1e-13)}), TIMES)
-    assert (distance(found, off)[4:] > 10 * found.uncertainty[4:]).all()
+    assert found.uncertainty.max() < 1e-15
+    assert (distance(found, exact(made, TIMES, **start)) <= 1.01 * found.uncertainty + 1e-23).all()
+    for key, value in parameters.items():
+        off = exact(problem(name, **{key: value * (1 + 1e-13)}), TIMES)
+        assert (distance(found, off)[4:] > 10 * found.uncertainty[4:]).all()
 
 
-def test_uncertainty_grows_on_a_chaotic_orbit():
+def test_uncertainty_grows_on_a_chaotic_orbit_and_ends_the_horizon():
     found = reference(problem("henon-heiles:chaotic"), np.array([i * 10.0 for i in range(41)]))
     assert found.uncertainty[0] == 0
-    assert found.uncertainty[1] < 1e-17
-    assert found.uncertainty[-1] > 1e-9
-    assert 50 < found.horizon() < 300
+    assert found.uncertainty[1] < 1e-17 < 1e-9 < found.uncertainty[-1]
     assert 0 < found.horizon(1e-16) < found.horizon() < found.horizon(1e-8)
     assert found.horizon(0.0) == 0.0
-    i = int(found.horizon() / 10)
-    size = np.abs(np.hstack([found.q, found.p])).max(axis=1)
+    i, size = int(found.horizon() / 10), np.abs(np.hstack([found.q, found.p])).max(axis=1)
+    assert 5 < i < 30
     assert found.uncertainty[i] <= 1e-13 * size[i]
     assert found.uncertainty[i + 1] > 1e-13 * size[i + 1]
-
-
-def test_the_horizon_is_relative_to_the_state():
-    t, uncertainty = np.array([1.0, 2.0]), np.array([5e-11, 5e-11])
-
-    def horizon(size):
-        q, p = np.full((2, 1), size), np.full((2, 1), -2 * size)
-        return taylor.Reference(t, q, p, q.astype(str), p.astype(str), uncertainty, 0 * t).horizon(1e-13)
-
-    assert horizon(1000.0) == 2.0
-    assert horizon(0.1) == 0.0
 
 
 def test_rows_are_the_rounded_long_double_run():
     found = reference(problem("henon-heiles:box"), TIMES, certify=False)
     assert np.isnan(found.uncertainty).all()
     assert np.isnan(found.horizon())
+    doubles = np.hstack([found.q, found.p])
     long = np.vectorize(np.longdouble, otypes=[np.longdouble])(np.hstack([found.q_text, found.p_text]))
-    assert (long.astype(float) == np.hstack([found.q, found.p])).all()
-    lost = np.abs(long - np.hstack([found.q, found.p])).max(axis=1)
-    assert (lost.astype(float) == found.rounding).all()
+    assert (long.astype(float) == doubles).all()
+    assert (np.abs(long - doubles).max(axis=1).astype(float) == found.rounding).all()
     assert 0 < found.rounding.max() < 1e-16
 
 
-def test_lotka_volterra_conserves_its_invariant():
-    made = problem("lotka-volterra:4-8")
-    found = reference(made, [0.0, 5.0], certify=False)
-    with mpmath.workdps(40):
-        invariant = sp.lambdify((*made.system.q, *made.system.p), made.system.H, "mpmath")
-        values = [
-            invariant(mpmath.mpf(u[0]), mpmath.mpf(v[0])) for u, v in zip(found.q_text, found.p_text, strict=True)
-        ]
-    assert abs(values[1] - values[0]) < 1e-17
-
-
-def third() -> SimpleNamespace:
-    """The oscillator q'' = -q/3, whose coefficient is not a double."""
-    return bare(Hamiltonian(q="q", p="p", H="p**2/2 + q**2/6"), (1.0,), (0.0,))
-
-
-def third_error() -> float:
-    """Error of the Taylor run of the oscillator q'' = -q/3 at t = 10."""
-    found = reference(third(), [10.0], certify=False)
-    with mpmath.workdps(40):
-        w = 1 / mpmath.sqrt(3)
-        return float(distance(found, ([[mpmath.cos(10 * w)]], [[-w * mpmath.sin(10 * w)]]))[0])
-
-
 def test_rationals_are_exact_in_extended_precision(monkeypatch):
-    assert third_error() < 1e-18
+    def error():
+        with mpmath.workdps(40):
+            w = 1 / mpmath.sqrt(3)
+            true = [[mpmath.cos(10 * w)]], [[-w * mpmath.sin(10 * w)]]
+            return float(distance(reference(THIRD, [10.0], certify=False), true)[0])
+
+    assert error() < 1e-18
     monkeypatch.setattr(translate, "number", lambda e, fp: fp(float(e)))
-    assert third_error() > 1e-17
+    assert error() > 1e-17
 
 
-def test_numbers_are_translated_exactly():
-    import heyoka as hy
-
-    quad = hy.real128
-    assert translate.number(sp.Rational(1, 3), quad) == quad(1) / quad(3)
-    assert translate.number(sp.Float(0.1), quad) == quad(0.1)
-    assert translate.number(sp.Float(1e-30), np.longdouble) == np.longdouble(1e-30)
-    assert translate.number(sp.Rational(2, 3), float) == 2 / 3
-    assert abs(float(translate.number(sp.pi, quad) - quad("3.14159265358979323846264338327950288"))) < 1e-33
+@pytest.mark.parametrize("bits", [113, 150, 300])
+def test_numbers_of_many_bits_are_exact(bits):
+    """The double nearest 1/3, the rational 1/3 and pi, against mpmath."""
+    number = taylor.Bits(bits)
+    assert bits * np.log10(2) + 5 < number.digits < bits * np.log10(2) + 15
+    with mpmath.workprec(bits + 40):
+        third = mpmath.mpf(1) / 3
+        for e, true in ((sp.Rational(1, 3), third), (sp.Float(1 / 3), mpmath.mpf(1 / 3)), (sp.pi, +mpmath.pi)):
+            off = abs(mpmath.mpf(str(translate.number(e, number))) - true)
+            assert off <= 8 * true * mpmath.mpf(2) ** -bits
 
 
 @pytest.mark.parametrize(
@@ -227,35 +205,34 @@ def test_a_translated_formula_has_the_same_value(formula):
     assert f([0.7, 1.3])[0] == pytest.approx(float(e.subs({q: 0.7, p: 1.3})), rel=1e-14)
 
 
-def test_high_powers_at_zero_are_not_nan():
-    found = reference(bare(Hamiltonian(q="q", p="p", H="p**2/2 + q**6/6"), (0.0,), (1.0,)), [1.0], certify=False)
-    assert 0.9 < found.q[0, 0] < 1
-
-
-def test_an_untranslatable_function_is_named():
+def test_high_powers_at_zero_are_not_nan_and_an_untranslatable_function_is_named():
+    assert 0.9 < reference(bare("p**2/2 + q**6/6", (0.0,), (1.0,)), [1.0], certify=False).q[0, 0] < 1
     with pytest.raises(InvalidInput, match="sign"):
-        reference(bare(Hamiltonian(q="q", p="p", H="p**2/2 + abs(q)"), (1.0,), (0.0,)), [1.0])
+        reference(bare("p**2/2 + abs(q)"), [1.0])
 
 
-def test_a_failed_run_names_the_time():
-    runaway = bare(Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4"), (1.0,), (1.0,))
+def test_a_failed_run_names_the_time(monkeypatch):
     with pytest.raises(ReferenceFailed, match=r"t = 1\.31"):
-        reference(runaway, [1.0, 5.0])
-
-
-def test_too_many_steps_are_a_failure(monkeypatch):
+        reference(bare("p**2/2 - q**4/4", (1.0,), (1.0,)), [1.0, 5.0])
     monkeypatch.setattr(taylor, "STEP_LIMIT", 3)
     with pytest.raises(ReferenceFailed, match="3 steps"):
-        reference(third(), [1000.0])
+        reference(THIRD, [1000.0])
 
 
-@pytest.mark.parametrize("times", [[], [-1.0, 1.0], [1.0, 1.0], [2.0, 1.0], [np.nan]])
-def test_times_must_increase(times):
-    with pytest.raises(ValueError, match="times"):
-        reference(third(), times)
+def test_times_must_increase_and_the_start_is_a_row():
+    for times in ([], [-1.0, 1.0], [1.0, 1.0], [2.0, 1.0], [np.nan]):
+        with pytest.raises(ValueError, match="times"):
+            reference(THIRD, times)
+    found = reference(THIRD, [0.0])
+    assert (found.t.tolist(), found.q.tolist()) == ([0.0], [[1.0]])
 
 
-def test_the_start_is_a_row():
-    found = reference(third(), [0.0])
-    assert found.t.tolist() == [0.0]
-    assert found.q.tolist() == [[1.0]]
+def test_bodies_of_any_mass_are_followed_again_and_again():
+    """Two bodies about their centre on circles, then a test particle about the first, then the two again."""
+    flow, times = Attracting(2, 1.0), np.array([0.0, 0.7, 1.9])
+    x, v = np.array([-0.25, 0.0, 0.0, 0.75, 0.0, 0.0]), np.array([0.0, -0.25, 0.0, 0.0, 0.75, 0.0])
+    for masses, others in (((0.75, 0.25), 1.0), ((1.0, 0.0), 0.0), ((0.75, 0.25), 1.0)):
+        places, velocities, _ = flow.rows(masses, x, v * others + (1 - others) * np.array([0, 0, 0, 0, 1.0, 0]), times)
+        apart, speed = places[:, 3:] - places[:, :3], velocities[:, 3:] - velocities[:, :3]
+        np.testing.assert_allclose(apart, np.c_[np.cos(times), np.sin(times), 0 * times], atol=1e-14)
+        np.testing.assert_allclose(speed, np.c_[-np.sin(times), np.cos(times), 0 * times], atol=1e-14)

@@ -1,0 +1,277 @@
+"""How long an orbit can be followed, how neighbours part, and how far other solvers are believed."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian, InvalidInput
+from phasebench.reference import peers
+from phasebench.reference.certificates import along, check, horizon, make, others, stored
+from phasebench.reference.solvers import gauss, taylor
+
+PRECISION = along.Precision(200, "1e-58")
+OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
+PLANE = Hamiltonian(q="a b", p="c d", H="(c**2 + d**2)/2 + a**2 + b**2")
+
+
+def about(value, rel: float = 1e-6):
+    return pytest.approx(value, rel=rel, abs=0)
+
+
+def fake_problem(system=OSCILLATOR) -> SimpleNamespace:
+    """Stand-in for a problem at rest at q = 1."""
+    return SimpleNamespace(system=system, q0=(1.0,) * system.d, p0=(0.0,) * system.d)
+
+
+def path(grid, rows=None) -> along.Along:
+    """An orbit on a grid of times, at rest at (1, 0) or with these rows as decimal strings."""
+    number = taylor.Bits(PRECISION.bits)
+    rows = [[number(x) for x in row] for row in (rows or [["1", "0"]] * len(grid))]
+    return along.Along(PRECISION, list(grid), rows, np.array([[1.0, 0.0]] * len(grid)), np.ones(len(grid)))
+
+
+# -- an orbit on a grid -----------------------------------------------------------------------------------------------
+
+
+def test_the_grid_divides_the_span_and_contains_the_times(monkeypatch):
+    monkeypatch.setattr(
+        taylor, "states", lambda system, fp, q, p, times, tol=None: np.array([[t, -2 * t] for t in times])
+    )
+    found = along.along(fake_problem(), [0.3, 2.0], PRECISION, 4)
+    assert found.grid == [0.3, 0.5, 1.0, 1.5, 2.0]
+    assert found.size.tolist() == [0.6, 1.0, 2.0, 3.0, 4.0]
+    assert found.row(1.5).tolist() == [1.5, -3.0]
+    assert along.along(fake_problem(), [0.7], PRECISION, 1).grid == [0.7]
+    for times in ([], [0.0, 1.0], [-1.0], [2.0, 1.0], [1.0, 1.0], [1.0, float("inf")], [float("nan"), 1.0]):
+        with pytest.raises(InvalidInput, match="positive, finite and increase"):
+            make.certify(fake_problem(), times)
+
+
+def test_distances_and_errors_are_running_maxima():
+    rows = np.array([[1.0, 0.1], [0.5, 0.2], [1.2, -0.3]])
+    assert path([1.0, 2.0, 3.0]).distances(rows) == about([0.1, 0.5, 0.5])
+    digits = [("1.0000000000000000000000000000000001", "0"), ("1", "0"), ("1", "0.0000000000000000000000000000000003")]
+    assert make.errors(digits, [1.0, 2.0, 4.0], path([1.0, 2.0, 4.0])) == about([1e-34, 1e-34, 3e-34], rel=1e-9)
+
+
+def test_a_neighbour_of_an_oscillator_keeps_its_distance():
+    grid = [0.5, np.pi, 6.0]
+    near = taylor.states(OSCILLATOR, np.longdouble, (1.0,), (0.0,), grid)
+    found = horizon.neighbour(fake_problem(), grid, near)
+    assert found == about(horizon.SHIFT * np.array([np.cos(0.5), 1.0, 1.0]), rel=1e-3)
+
+
+def test_growth_is_algebraic_or_exponential():
+    """Fitted over the later three quarters of the time until the neighbour is lost; NaN for one that has not moved."""
+    grid, size = np.arange(1.0, 101.0), np.ones(100)
+    assert horizon.growth(grid, 1e-12 * grid**2, size) == (about(2.0), None)
+    exponent, rate = horizon.growth(grid, 1e-12 * np.exp(0.1 * grid), size)
+    assert (exponent, rate) == (about(7.5 / np.log(4)), about(0.1))
+    lost = np.where(grid <= 40, 1e-12 * grid**2, 1.0)
+    assert horizon.growth(grid, lost, size) == (about(2.0), None), "what comes behind does not count"
+    assert np.isnan(horizon.growth(grid, np.where(grid <= 60, 0.0, 1e-12), size)[0])
+    fine = np.linspace(0.1, 40.0, 400)
+    until = np.log(horizon.LOST * 1e-4 / 1e-12) / 0.7
+    exponent, rate = horizon.growth(fine, 1e-12 * np.exp(0.7 * fine), np.full(400, 1e-4))
+    assert exponent == about(0.7 * until * 0.75 / np.log(4), rel=0.02), "the distance is lost relative to the size"
+    assert rate == about(0.7)
+
+
+# -- random displacements ---------------------------------------------------------------------------------------------
+
+
+class Flow:
+    """Stand-in for a Taylor integrator: its time advances and its state does not change."""
+
+    def propagate_until(self, t, max_steps):
+        self.time = t
+
+
+@pytest.fixture
+def flow(monkeypatch):
+    """Replace Taylor integrators by a `Flow` whose steps end at 1, 2, 3, ..."""
+    made = Flow()
+
+    def start(ta, fp, q, p):
+        ta.time, ta.state = fp(0), np.array([fp(1), fp(1)])
+
+    monkeypatch.setattr(taylor, "integrator", lambda system, fp, tol=None: made)
+    monkeypatch.setattr(taylor, "step_ends", lambda *a: [float(k) for k in range(1, 101) if k <= a[-1]])
+    monkeypatch.setattr(taylor, "start", start)
+    return made
+
+
+def test_rounding_errors_of_start_and_steps_add_up(flow):
+    """After n steps, n + 1 uniform numbers have been added: a random walk of standard deviation ((n + 1) / 3)^1/2."""
+    grid = [0.5, 8.5, 99.5]
+    found = horizon.rounding(fake_problem(), grid, draws=300)
+    assert found.distances.shape == (300, 3)
+    assert (found.size == 1.0).all(), "the run beside them is not displaced"
+    assert (np.diff(found.distances, axis=1) >= 0).all()
+    assert found.distances[:, 0].max() <= horizon.UNIT * 1.001
+    median = np.median(found.distances, axis=0) / horizon.UNIT / np.sqrt(np.array([1, 9, 100]) / 3)
+    assert all(low < x < high for low, x, high in zip((1.0, 0.9, 0.9), median, (1.6, 2.0, 2.0), strict=True))
+    again = horizon.rounding(fake_problem(), grid, (2.0**-40, None), draws=300)
+    assert np.allclose(again.distances, found.distances, rtol=1e-3, atol=0), "whatever they are displaced by"
+    other = horizon.rounding(fake_problem(), grid, seed=2, draws=300)
+    assert not np.allclose(other.distances, found.distances, rtol=0.1, atol=0)
+
+
+def test_a_displaced_run_that_stops_or_is_not_finite_is_a_failure(flow, monkeypatch):
+    def lost(t, max_steps):
+        flow.time, flow.state[0] = t, np.nan
+
+    for run, where in ((lambda t, max_steps: setattr(flow, "time", min(t, 1.25)), r"1\.25"), (lost, "1")):
+        monkeypatch.setattr(flow, "propagate_until", run)
+        with pytest.raises(taylor.ReferenceFailed, match=f"stopped at t = {where}"):
+            horizon.rounding(fake_problem(), [1.0, 3.0], draws=2)
+
+
+# -- horizons ---------------------------------------------------------------------------------------------------------
+
+CHAOTIC = problem("henon-heiles:chaotic")
+GRID = [150.0 * (i + 1) / 200 for i in range(200)]
+
+
+def test_the_horizon_ends_before_the_limit_is_first_exceeded():
+    grid, size = [1.0, 2.0, 3.0, 4.0], np.array([1.0, 1.0, 10.0, 1.0])
+    for distances, t in (
+        ((0.0, 0.1, 1.0, 0.1), 4.0),  # relative to the size, and the limit itself is within
+        ((0.0, 0.2, 0.0, 0.0), 1.0),
+        ((0.0, 0.0, 0.5, 0.2), 3.0),
+        ((0.2, 0.0, 0.0, 0.0), 0.0),
+        ((np.nan, 0.0, 0.0, 0.0), 0.0),
+    ):
+        assert horizon.within(grid, np.array(distances), size, 0.1) == t
+
+
+def test_the_horizon_for_exponential_growth():
+    """Distances grow as exp(rate t) from normally distributed draws, so the times are known in closed form."""
+    rate, grid = 0.1, [0.1 * i for i in range(1, 2400)]
+    sizes = np.abs(np.random.default_rng(1).normal(size=1001))
+    made = horizon.Rounding(grid, np.ones(len(grid)), horizon.UNIT * sizes[:, None] * np.exp(rate * np.array(grid)))
+    span, scale = made.span(), np.log(1e-13 / horizon.UNIT)
+    for t, quantile in zip(span, (0.6745, 2.2414, 0.03134), strict=True):
+        assert t == pytest.approx((scale - np.log(quantile)) / rate, abs=1.5)
+    low, high = made.band
+    assert all(a < t < b for a, t, b in zip(low, span, high, strict=True))
+    assert high.horizon - low.horizon == pytest.approx(0.04 / rate + 0.2, abs=0.21)
+    never = horizon.Rounding([1.0, 2.0], np.ones(2), np.ones((1, 2)))
+    assert (never.band[0].horizon, never.band[1].horizon) == (0.0, 1.0)
+
+
+def test_the_stored_horizon_is_that_of_the_problem_whatever_simulates_it():
+    """In its band for another displacement and tolerance; its interval covers single runs, with other seeds too."""
+    known, chaotic = stored.find(CHAOTIC), horizon.rounding(CHAOTIC, GRID)
+    span, (low, high) = chaotic.span(), chaotic.band
+    assert low.horizon - known.spacing <= known.horizon <= high.horizon + known.spacing
+    assert known.limit == horizon.LIMIT == 1e-13
+    assert high.horizon - low.horizon < 3.0
+    other = horizon.rounding(CHAOTIC, GRID, horizon.OTHER)
+    assert all(a <= t <= b for a, t, b in zip(low, other.span(), high, strict=True))
+    assert np.abs(other.distances[:, 60] / chaotic.distances[:, 60] - 1).max() < 1e-3
+    again = horizon.rounding(CHAOTIC, GRID, seed=7)
+    leaves = [horizon.within(GRID, distance, again.size) for distance in again.distances]
+    assert np.mean([span.earliest <= t <= span.latest for t in leaves]) >= 0.85
+    assert np.mean([abs(t - span.horizon) < 1.0 for t in leaves]) < 0.5  # control: one run is not the horizon
+    assert again.span().horizon == pytest.approx(span.horizon, abs=3.0)
+
+
+def test_rounding_along_the_way_counts():
+    """In a close encounter of three bodies the rounding errors made there dominate those of the start."""
+    made, grid = problem("n-body"), [0.1 * (i + 1) for i in range(60)]
+    found = horizon.rounding(made, grid, draws=6)
+    assert found.span().horizon < 6
+    near = taylor.states(made.system, np.longdouble, made.q0, made.p0, grid)
+    start = horizon.neighbour(made, grid, near) * (horizon.UNIT / horizon.SHIFT)
+    assert horizon.within(grid, start, found.size) == 6.0
+
+
+# -- other solvers ----------------------------------------------------------------------------------------------------
+
+
+def test_round_off_off_the_manifold_is_in_a_solvers_uncertainty():
+    """Gauss's distance was 0.8 or 1.6 of it, by processor, while only neighbours on the manifold counted."""
+    made = problem("spherical-pendulum")
+    orbit = along.along(made, made.start.times, check.AGAIN)
+    on = horizon.neighbour(made, orbit.grid, orbit.near)
+    off = others._apart_off_manifold(made, orbit)
+    middle = np.searchsorted(orbit.grid, orbit.grid[-1] / 4)
+    assert off[-1] / off[middle] == pytest.approx(16, rel=0.2)
+    assert on[-1] / on[middle] < 6
+    said = [gauss for (gauss,) in others.words(made, made.start.times, orbit, on)]
+    assert all(4 * gauss.distance < gauss.uncertainty for gauss in said)
+    assert said[-1].uncertainty < 100 * said[-1].distance, "so large an uncertainty would hide a wrong solver"
+
+
+def test_a_solvers_uncertainty_covers_random_round_off():
+    """For two runs whose errors are random walks, the difference times `SAFETY` covers the error of one."""
+    assert others.uncertainty([1.0, 3.0, 2.0], np.array([0.1, 0.2, 0.3])).tolist() == [4.1, 12.2, 12.3]
+    walks = np.random.default_rng(0).normal(size=(2, 400, 300)).cumsum(axis=2)
+    own = np.array([others.uncertainty(np.abs(a - b), 0.0) for a, b in zip(*walks, strict=True)])
+    assert np.mean(np.maximum.accumulate(np.abs(walks[0]), axis=1)[:, -1] <= own[:, -1]) > 0.95
+    assert np.mean(np.abs(walks[0]).max(axis=1) <= own[:, -1] / 10) < 0.5
+
+
+def test_gauss_refines_taylor_steps_and_its_round_off_walks(monkeypatch):
+    seen = []
+
+    def run(system, q, p, marks, times):
+        seen.append(marks)
+        return np.array([[1.0, 0.0], [1.0, 0.0], [1.0, 1e-18 * len(seen)]])
+
+    monkeypatch.setattr(taylor, "step_ends", lambda *a: [0.004, 1.0, 4.0])
+    monkeypatch.setattr(gauss, "run", run)
+    far, own = others._gauss(fake_problem(), path([1.0, 2.0, 4.0]), np.array([1.0, 1.0, 10.0]))
+    for marks, parts in zip(seen, others.PARTS, strict=True):
+        steps = np.diff([0.0, *marks])
+        assert steps.min() > 0
+        assert {0.004, 1.0, 4.0} <= {round(t, 12) for t in marks}
+        assert steps.max() <= 1.001 * 4.0 * others.SHARE / parts
+        assert len(marks) == parts * (1 + 100 + 300), "a short step is only divided"
+    assert far == about([0, 0, 2e-18])
+    eps, n = float(gauss.EPS), len(seen[1])
+    assert own == about([*(eps * np.sqrt(n * np.array([1, 2]) / 3)), 4e-18 + 10 * eps * np.sqrt(n)])
+
+
+def test_ias15_runs_at_two_tolerances_and_its_round_off_walks(monkeypatch):
+    """Made-up runs end at q = (t + tol, 0), p = 0 after 400 steps."""
+    asked, status = [], ["ok"]
+
+    def run(problem, peer, tol, t_end):
+        asked.append((tol, t_end))
+        q = np.array([[9.0, 9.0], [t_end + tol, 0.0]])
+        return SimpleNamespace(status=status[0], q=q, p=0 * q, counts={"steps": 400})
+
+    monkeypatch.setattr(peers, "integrate_peer", run)
+    made, unit, (loose, fine) = fake_problem(PLANE), np.array([1.0, 3.0]), others.TOLERANCES
+    rows, own = others._ias15(made, [1.0, 2.0], unit)
+    assert asked == [(loose, 1.0), (loose, 2.0), (fine, 1.0), (fine, 2.0)]
+    assert [row.tolist() for row in rows] == [[t + fine, 0, 0, 0] for t in (1.0, 2.0)]
+    assert own == about(4 * (loose - fine) + 2.0**-52 * 20 * unit)
+    monkeypatch.setattr(others, "TOLERANCES", (fine, fine))
+    assert others._ias15(made, [1.0, 2.0], unit)[1] == about(2.0**-52 * 20 * unit)
+    status[0] = "diverged"
+    assert others._ias15(made, [1.0], np.ones(1)) is None
+    assert others._ias15(fake_problem(), [1.0], np.ones(1)) is None
+
+
+def test_gauss_and_ias15_report_at_the_times(monkeypatch):
+    given, ias15 = [], ([np.array([1.0, 0.25]), np.array([1.0, 0.125])], [7, 8])
+
+    def far(problem, path, unit):
+        given.append(unit)
+        return np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0])
+
+    monkeypatch.setattr(others, "_gauss", far)
+    for other in (ias15, None):
+        monkeypatch.setattr(others, "_ias15", lambda problem, times, unit, other=other: other)
+        apart = np.array([0.0, 3.0, 20.0]) * horizon.SHIFT
+        said = others.words(fake_problem(), [1.0, 2.0], path([0.5, 1.0, 2.0]), apart)
+        assert given[-1] == about([1.0, 3.0, 20.0]), "the state's size, or what a neighbour grew by"
+        told = [[(c.distance, c.uncertainty) for c in checks] for checks in said]
+        assert told == ([[(2, 5), (0.25, 7)], [(3, 6), (0.25, 8)]] if other else [[(2, 5)], [(3, 6)]])
