@@ -199,8 +199,9 @@ def orders(method: str) -> list[dict]:
 # -- judging -----------------------------------------------------------------------------------------------------------
 
 
-def _finest(rows: pd.DataFrame) -> pd.Series:
-    return pd.Series(rows.index.isin(rows.groupby("method")["h"].idxmin()), rows.index)
+@of(ORDERS)
+def _finest(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows.loc[rows.groupby("method")["h"].idxmin()]
 
 
 def _answer(data: Data) -> str | None:
@@ -252,13 +253,12 @@ CLAIMS = {
     ),
     "general": Claim(
         "Methods for every H keep their order on a relativistic orbit at small steps",
-        ORDERS, "order - declared", Between(-GATE, GATE),
-        rows=lambda r: _finest(r) & ~r["method"].isin((SPECIAL, JUMPED)),
+        _finest, "order - declared", Between(-GATE, GATE), f"method not in ('{SPECIAL}', '{JUMPED}')",
         unit="from the declared order", where="{method}, h = {h:.3g}", fault=True,
     ),
     "special": Claim(
         "A splitting made for post-Newtonian parts loses its order at small steps",
-        ORDERS, "order", at_most(4 - LOST), rows=lambda r: _finest(r) & (r["method"] == SPECIAL), unit="as the order",
+        _finest, "order", at_most(4 - LOST), rows=f"method == '{SPECIAL}'", unit="as the order",
         where="h = {h:.3g}", checked=True,
     ),
 }  # fmt: skip
@@ -290,7 +290,7 @@ STUDY = Study(
                         rows=f"map == '{BOTH}'"),
         "jumped": Claim(
             "A triple jump on Kepler flows keeps its order",
-            ORDERS, "order - declared", Between(-GATE, GATE), rows=lambda r: _finest(r) & (r["method"] == JUMPED),
+            _finest, "order - declared", Between(-GATE, GATE), rows=f"method == '{JUMPED}'",
         ),
     },
     figure=(Curves(ORDERS, "h", "error", "step h", "error at the end"),),

@@ -74,13 +74,9 @@ def chosen(label: str) -> Method:
 # -- theory ------------------------------------------------------------------------------------------------------------
 
 
-def _numbers(table: Multistep) -> tuple[np.ndarray, np.ndarray]:
-    return np.array(table.alpha, float), np.array(table.numerators, float) / table.denominator
-
-
 def circular_rate(table: Multistep, N: float) -> float:
     """The logarithm of the factor per orbit by which errors grow on a circular orbit with N steps an orbit."""
-    rho, sigma = _numbers(table)
+    rho, sigma = np.array(table.rho, float), np.array(table.sigma, float)
     turn = np.exp(2j * np.pi / N * np.arange(len(rho)))
     K = -((rho @ turn) / (sigma @ turn)).real
     sides = [(rho - K / 2 * sigma) * t for t in (turn, turn.conj())]
@@ -103,7 +99,7 @@ def floquet_rate(table: Multistep, N: float, e: float) -> float:
 
     It follows from the linearized steps of two orbits, so that 2 N must be an integer.
     """
-    alpha, beta = _numbers(table)
+    alpha, beta = np.array(table.rho, float), np.array(table.sigma, float)
     k, n, h = len(alpha) - 1, round(2 * N), 2 * np.pi / N
     q = orbit(e, h * np.arange(n))
     r = np.hypot(*q.T)[:, None, None]
@@ -148,21 +144,16 @@ def steps(method: str, e: float) -> list[dict]:
     return rows
 
 
-def parasitic_amplitudes(method: Method, N: float, orbits: int) -> tuple[np.ndarray, np.ndarray]:
-    """(Times in orbits of windows of a run, the sizes of high differences of q, which are parasitic)."""
-    s = _run(method, ECCENTRIC, N, orbits, 1)
-    begin = np.linspace(len(s.q) // WINDOWS, len(s.q) - STEPS - 1, WINDOWS).astype(int)
-    sizes = [np.abs(np.diff(s.q[b : b + STEPS], DIFFERENCE, axis=0)).max() for b in begin]
-    return begin / N, np.array(sizes)
-
-
 def long(method: str, N: float) -> dict:
     """The drift of the energy and the growth of parasitic parts over many orbits, with intervals."""
     made = chosen(method)
     s = _run(made, ECCENTRIC, N, LONG if method != CONTROL and N == OFF else SHORT, EVERY_TH)
     energy = drift(s.t / (2 * np.pi), s.energy())
-    t, sizes = parasitic_amplitudes(made, N, SHORT)
-    growth = drift(t, np.log(sizes))
+    every = _run(made, ECCENTRIC, N, SHORT, 1).q
+    begin = np.linspace(len(every) // WINDOWS, len(every) - STEPS - 1, WINDOWS).astype(int)
+    # High differences of q are parasitic.
+    sizes = np.array([np.abs(np.diff(every[b : b + STEPS], DIFFERENCE, axis=0)).max() for b in begin])
+    growth = drift(begin / N, np.log(sizes))
     row = {"orbits": float(s.t[-1] / (2 * np.pi)), "status": s.status}
     row |= {"slope": energy.value, "low": energy.low, "high": energy.high}
     row |= {"growth": growth.value, "growth low": growth.low, "growth high": growth.high}

@@ -52,6 +52,7 @@ def row(
     options : those of `style.panels`
     """
     figure, (panels,) = style.panels(1, len(parts), height, **options)
+    width = figure.bbox.width / len(parts)
     for axes, (title, rows) in zip(panels, parts.items(), strict=True):
         names = rows.groupby(curve)[y].agg(by).sort_values().index if by else rows[curve].unique()
         for look, name in zip(style.looks(), names, strict=False):
@@ -61,16 +62,12 @@ def row(
             axes.axhline(level, color=style.GREY, linewidth=0.8)
         axes.set(title=title, xlabel=xlabel)
         if not legend:
-            _legend_below(axes)
+            below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2)}
+            style.fit_legend(partial(axes.legend, *axes.get_legend_handles_labels(), **below), 2, width)
     panels[0].set_ylabel(ylabel)
     if legend:
         style.legend_above(figure, panels[0], legend)
     return figure
-
-
-def _legend_below(axes: Axes) -> None:
-    make = partial(axes.legend, *axes.get_legend_handles_labels(), loc="upper center", bbox_to_anchor=(0.5, -0.2))
-    style.fit_legend(make, 2, axes.figure.bbox.width / axes.get_subplotspec().get_gridspec().ncols)
 
 
 def grid(methods: Sequence[str], xlabel: str, ylabel: str) -> tuple[Figure, dict[str, Axes]]:

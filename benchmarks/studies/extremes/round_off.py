@@ -294,13 +294,9 @@ def how(id: str, values: dict) -> tuple[str, mpmath.matrix] | None:
 # -- judging -----------------------------------------------------------------------------------------------------------
 
 
-def _aside(h: float) -> str:
-    return " (1 + 2^-40)" if h == float(f"{h:.3g}") * (1 + 2.0**-40) else ""
-
-
-def named_step(h: float) -> str:
+def named_step(h: float, digits: int = 10) -> str:
     """A step as text; one slightly off a simple fraction as that fraction times (1 + 2^-40)."""
-    return f"{h:.10g}{_aside(h)}"
+    return f"{h:.{digits}g}" + (" (1 + 2^-40)" if h == float(f"{h:.3g}") * (1 + 2.0**-40) else "")
 
 
 def ensembles(data: Data) -> pd.DataFrame | None:
@@ -387,7 +383,7 @@ def whole(chosen: pd.DataFrame, all_: pd.DataFrame) -> pd.DataFrame:
 def draw(rows: pd.DataFrame) -> panels.Figure:
     """The rms round-off errors of energy and phase over the number of steps."""
     keys = [*zip(rows["label"], rows["h"], rows["steps"], strict=True)]
-    names = [f"{label}, h = {h:.3g}{_aside(h)}" for label, h, _ in keys]
+    names = [f"{label}, h = {named_step(h, 3)}" for label, h, _ in keys]
     rows = rows.assign(run=names, curve=[RUNS.get(key, {}).get("curve") for key in keys])
     rows, laws = rows.dropna(subset="curve").sort_values("curve"), {"energy": ENERGY, "phase": PHASE}
     of_each = {f"{name}: dotted, ε h n^{law:g}": rows.assign(rms=rows[name]) for name, law in laws.items()}

@@ -70,13 +70,7 @@ TOP, SHOWN = 10.0, 200
 
 
 class Turns:
-    """A method's step on a spring (the oscillator) as a rotation of (omega q, p).
-
-    Attributes
-    ----------
-    z : the values of h omega, as far as the method is stable
-    matrices, angles : at each z the 2 x 2 matrix of the step, and the angle in radians by which it rotates
-    """
+    """A method's step on a spring as a rotation of (omega q, p): its matrices and angles at z = h omega, if stable."""
 
     def __init__(self, id: str, z: Sequence[float] | np.ndarray) -> None:
         chosen = integrator(id)
