@@ -162,3 +162,9 @@ def test_missing_c_compiler_is_reported(monkeypatch):
     monkeypatch.setattr(native, "compiler", lambda language="C": None)
     with pytest.raises(RuntimeError, match="no C compiler"):
         c_loop.Loop(problem("pendulum"))
+
+
+def test_ranks_agree_with_published_tables():
+    """David & Nagaraja; the sign test's critical values at 5 %, two-sided."""
+    assert [timing.rank(n) for n in (3, 5, 6, 8, 9, 11, 12, 15, 20, 21, 25)] == [1, 1, 1, 1, 2, 2, 3, 4, 6, 6, 8]
+    assert timing.rank(40_001) == 19_805  # n/2 - 0.98 sqrt(n), computed exactly and fast

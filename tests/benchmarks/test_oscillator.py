@@ -129,6 +129,7 @@ def test_command_prints_the_contract():
     found = json.loads(call("stability", "scheme-i", "--param", "lam=1/2", "--json").stdout)
     assert {"method", "params", "limit", "intervals", "how"} <= found.keys()
     assert (found["limit"], found["intervals"], found["params"]) == (None, [[0.0, None]], {"lam": "1/2"})
+    assert pb.stability("scheme-i", parameters={"lam": "1/3"}).to_frame()["limit"].tolist() == [pytest.approx(6.0)]
     done = call("stability", "stormer-verlet")
     assert done.exit_code == 0
     assert "trace of the step map" in done.stdout

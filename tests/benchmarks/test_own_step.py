@@ -95,3 +95,11 @@ def test_exception_names_the_step_and_its_first_line():
     made = stepper(raising)
     with pytest.raises(StepFailed, match=r"^step 3 on here: .*ValueError: one$"):
         made.run(HERE.state, 0.1, 9)
+
+
+def test_arguments_in_another_order_are_refused():
+    for step in (lambda q, p, h, system: (q, p), lambda system, p, q, h: (q, p)):
+        with pytest.raises(InvalidInput, match=r"called \(system, q, p, h\)"):
+            own_step.from_function(step)
+    for step in (lambda system, q, p, dt: (q, p), lambda system, x, v, h: (x, v)):
+        assert own_step.from_function(step).step is step

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,48 @@ def test_stored_fronts_and_times_cover_every_scene():
         for best in known.fastest.values():
             assert best.integrator.partition("(")[0] in METHODS.keys() | PEERS.keys()
             assert 0 < best.share < 10
+
+
+def rank(monkeypatch, errors, adaptive=False, each=2):
+    """The row that ranks an integrator, whose runs have these errors (None: failed), among the stored Pareto fronts.
+
+    ``each``: gradient evaluations per step.
+    """
+    rungs = iter(errors)
+
+    def measured(subject, entry, problem, t_end, size):
+        error = next(rungs)
+        return each * size, None if error is None else np.array([0.0, -error])
+
+    monkeypatch.setattr(place.truths, "truth", lambda *a: SimpleNamespace(values=np.zeros(2)))
+    monkeypatch.setattr(place, "run_subject", measured)
+    return place.place(SimpleNamespace(adaptive=adaptive), "pendulum-short")
+
+
+def test_steps_double_and_the_factor_is_over_the_front(monkeypatch):
+    question = fronts.question("pendulum-short")
+    first = round(question.t_end / (4 * question.build_problem().pace.step))
+    row = rank(monkeypatch, [None, float("nan"), 1e-2, 1e-12])
+    assert row["sizes"] == [4 * first, 8 * first]
+    assert row["curve"] == [[8 * first, 1e-2], [16 * first, 1e-12]]
+    best = fronts.TABLE.load()["pendulum-short"][1e-2]
+    line = row["errors"][0]
+    assert line["factor"] == pytest.approx(8 * first / best.evaluations)
+    assert (line["cheapest"], line["its evaluations"]) == (best.integrator, best.evaluations)
+    assert (row["on"], row["t_end"]) == ("pendulum-short", question.t_end)
+    assert rank(monkeypatch, [0.5, 1e-3, 1.0, 1.0])["errors"][-1]["factor"] is None
+
+
+def test_adaptive_integrator_is_ranked_too():
+    def run(system, q, p, t_end, tol):
+        steps = round(t_end * tol**-0.5)
+        for _ in range(steps):
+            q, p = leapfrog(system, q, p, t_end / steps)
+        return q, p
+
+    row = place.place(subject(run, {}, ("separable",)), "pendulum-short")
+    assert row["curve"][0][0] == 2 * 10 * 10
+    assert [e["factor"] is None for e in row["errors"]] == [False, False, False, True, True]
 
 
 def wasteful(system, q, p, h):

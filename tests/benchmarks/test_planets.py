@@ -444,3 +444,12 @@ def test_times_with_a_unit(value, unit, expected):
 def test_control_invalid_times(value):
     with pytest.raises(pb.InvalidInput):
         span(value, "day")
+
+
+def test_steps_starts_and_ends_have_units():
+    plain = pb.integrate(FILE, "wisdom-holman", h=10.0, t_end=730.5, t0=365.25)
+    dated = pb.integrate(FILE, "wisdom-holman", h="10 d", t_end="2 yr", t0="1 yr")
+    assert np.array_equal(plain.q, dated.q)
+    code, found = run_json("pendulum", "stormer-verlet", "--h", "0.1", "--t-end", "1 yr")
+    assert code == 2
+    assert "no unit of time" in found["reason"]

@@ -102,6 +102,14 @@ def test_exit_code_is_0_where_the_interval_holds_0(tmp_path, slope, code):
     assert call("drift", path, "--time", "t", "--column", "q")[0] == 0
 
 
+def test_exit_code_is_1_for_a_jump(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,energy\n" + "".join(f"{t},{e}\n" for t, e in zip(T, swing(T) + 0.02 * (T > 120), strict=True)))
+    done = call("drift", path, "--json")
+    assert done[0] == 1
+    assert [c["kind"] for c in json.loads(done[1])["changes"]] == ["jump"]
+
+
 #: The same rows, step, energy, kinetic energy, as programs write them, with the options that the file needs.
 STEPS = np.arange(0, 400, 4)
 ROWS = [(s, f"{-5 + 1e-3 * np.sin(0.3 * s) + 1e-4 * s:.9f}", f"{3 + 0.1 * np.sin(s):.5f}") for s in STEPS]

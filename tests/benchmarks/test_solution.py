@@ -72,3 +72,11 @@ def test_prepared_run_of_a_system_uses_the_given_state():
     assert (code, q[0], p[0]) == (run.SOLVED, s.q[-1, 0], s.p[-1, 0])
     with pytest.raises(pb.InvalidInput, match="q0"):
         pb.prepare(PENDULUM, "stormer-verlet")
+
+
+def test_frame_has_the_variables_by_name():
+    s = swing()
+    frame = s.to_frame()
+    assert list(frame) == ["t", "q", "p", "energy"]
+    np.testing.assert_array_equal(frame[["t", "q", "p"]].to_numpy(), np.column_stack([s.t, s.q, s.p]))
+    np.testing.assert_array_equal(frame["energy"], s.energy())

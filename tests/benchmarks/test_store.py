@@ -359,6 +359,13 @@ def test_a_quick_run_does_not_replace_full_tables(tmp_path):
     assert len(rows(tmp_path)) == 2
 
 
+def test_journal_of_another_version_is_ignored(tmp_path):
+    Journal(tmp_path / "journal.jsonl").put(
+        Entry(toy_cells.cell(0).id, "another", "2026-01-01", MACHINE, 0.1, toy_cells.measure(0))
+    )
+    assert measured_now(execute(tmp_path, toy_cells.cells(1))) == [0]
+
+
 # -- the sample --------------------------------------------------------------------------------------------------------
 
 

@@ -73,3 +73,8 @@ def test_nonfinite_reference_has_failed(monkeypatch, lost):
     monkeypatch.setattr(taylor, "propagate", lambda flow, grid: (np.array([[1.0, 0.0], lost]), None, "too many steps"))
     with pytest.raises(taylor.ReferenceFailed, match="too many steps"):
         truths.truth(OSCILLATOR, LOOKED, 1.0)
+
+
+def test_uncertainty_is_a_multiple_of_their_distance(monkeypatch):
+    runs(monkeypatch, 1.0, 1.001)
+    assert truths.truth(OSCILLATOR, END_STATE, 1.0).uncertainty == pytest.approx(3e-3)

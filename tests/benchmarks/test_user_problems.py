@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import phasebench as pb
-from phasebench.benchmarks.problems import problem, user
+from phasebench.benchmarks.problems import file_and_orbit, problem, user
 from phasebench.integrators import integrate
 from phasebench.integrators.errors import InvalidInput
 from support.commands import run_json
@@ -67,6 +67,20 @@ def test_integer_parameter_stays_an_integer(tmp_path):
     assert problem(path, n=3.0).parameters["n"] == 3
     kinds = [{k: type(v) for k, v in problem(path, n=n, k=2.0).parameters.items()} for n in (3.0, 3.5)]
     assert kinds == [{"n": int, "k": float}, {"n": float, "k": float}]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("kepler:e", (None, "")),
+        ("./a.b.v2.py", ("./a.b.v2.py", "")),
+        ("a.py:orbit", ("a.py", "orbit")),
+        (r"C:\x\a.py:orbit", (r"C:\x\a.py", "orbit")),
+        ("./folder", ("./folder", "")),
+    ],
+)
+def test_paths_and_ids_are_distinguished(name, expected):
+    assert file_and_orbit(name) == expected
 
 
 def system(H="p**2/2 - cos(q)", orbit='"start", (1.0,), (0.0,)', more="", extra=""):

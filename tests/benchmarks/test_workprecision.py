@@ -69,3 +69,11 @@ def test_a_span_to_which_no_reference_is_known_is_refused():
     with pytest.raises(pb.InvalidInput, match=r"the reference is known to \d.* alone"):
         pb.workprecision("henon-heiles:chaotic", ["rk4"], t_end=1000.0)
     assert pb.workprecision("double-pendulum:chaotic", ["rk4"], t_end=60.0, quantity="energy").methods == ["rk4"]
+
+
+def test_bad_input_gets_its_error(result, tmp_path):
+    for t_end in (-1.0, float("nan"), True):
+        with pytest.raises(pb.InvalidInput, match="t_end"):
+            pb.workprecision("pendulum", t_end=t_end)
+    with pytest.raises(pb.InvalidInput, match=r"\.pdf"):
+        result.plot(tmp_path / "a.jpg")
