@@ -164,17 +164,6 @@ def test_ensembles_sections_and_prepared_runs_go_back():
     np.testing.assert_allclose([*q, *p], [*problem("pendulum").q0, *problem("pendulum").p0], atol=1e-12)
 
 
-def test_a_run_forth_and_back_returns():
-    made = problem("henon-heiles:box")
-    there = integrate(made, "gauss-4", h=0.1, t_end=20.0)
-    there_again, back = (
-        integrate(made, "gauss-4", h=0.1, t_end=t, t0=20.0, q0=there.q[-1], p0=there.p[-1]) for t in (40.0, 0.0)
-    )
-    assert (back.t[0], back.t[-1], back.h) == (20.0, 0.0, -0.1)
-    np.testing.assert_allclose([back.q[-1], back.p[-1]], [made.q0, made.p0], atol=1e-12)
-    assert np.abs(there_again.q[-1] - made.q0).max() > 1e-3
-
-
 #: Arguments that runs in doubles and in many digits refuse, and how.
 REFUSED = (
     ({"h": Fraction(1, 10)}, "give t_end or steps"),

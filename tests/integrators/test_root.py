@@ -57,37 +57,6 @@ def test_the_root_of_the_model_is_tried_first(followed):
     assert models[0, [model.RATE, model.BEND, model.STREAK]].tolist() == [0, 0, 1]
 
 
-@pytest.mark.parametrize(
-    ("predicted", "streak", "followed", "taken"),
-    [
-        (0.06, 0, True, True),
-        (0.04, -1, True, True),
-        (0.0626, 0, True, False),
-        (0.06, model.FOLLOWED, True, False),
-        (0.06, 0, False, False),
-        (np.nan, 0, True, False),
-    ],
-)
-def test_a_prediction_near_the_root_of_the_model_is_tried(predicted, streak, followed, taken):
-    models = model_of(1.0)
-    models[0, model.STREAK] = streak
-    s = look([-0.05, 0.9], models, predicted, followed)
-    assert s.tried[1, 0] == (predicted if taken else 0.05)
-    assert s.found
-    assert models[0, model.MISSED] == pytest.approx(abs(s.x - predicted), nan_ok=True)
-
-
-@pytest.mark.parametrize(("curvature", "followed"), [(7.0, True), (8.0, False)])
-def test_a_root_is_followed_if_the_model_has_no_other_near(curvature, followed):
-    """At x = 0.1 the slope is 1 + 0.2 c with curvature c; 0.3 times that must exceed 0.1 c."""
-    models = model_of(1.0, curvature)
-    models[0, [model.STREAK, model.UNIT]] = 1.0, UNIT
-    s = look([-0.1 - 0.01 * curvature, 1.0, curvature], models, predicted=0.1)
-    assert s.found
-    assert s.x == pytest.approx(0.1)
-    assert (s.tried[0, 0] == 0) != followed
-
-
 def test_for_distant_roots_the_other_side_is_tried_first():
     """The model predicts 0.5; the sign at -0.5 shows that a root lies between, and the parabola locates it."""
     c = from_roots(0.5, -0.2)

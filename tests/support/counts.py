@@ -75,10 +75,7 @@ def body() -> PoissonSystem:
 
 
 def runs(label: str) -> dict:
-    """Return the runs of the method with this label: {name of the run: (system, step h, initial (q, p))}.
-
-    Steps of the runs named in `LONG` are so long that their equations are solved by Newton's method.
-    """
+    """{name of the run: (system, step h, initial (q, p))}; steps of those in `LONG` are solved by Newton's method."""
     found = {}
     for name in systems(ALL[label]):
         system, *start = SYSTEMS[name]()
@@ -88,12 +85,10 @@ def runs(label: str) -> dict:
 
 
 def of(label: str) -> dict:
-    """Run the method with this label and count evaluations: {name of the run: counts}.
+    """{name of the run: counts} of the method with this label.
 
-    Counts are those that the solution reports, by name; "called", the calls counted in the system's functions; and
-    "kernel", the counts of the compiled step loop (kernel) when it is called directly.  The evaluation of all stages at
-    once in SIMD lanes is switched off, except in the run "lanes" of Gauss methods, where each call serves all stages;
-    other tests compare kernels with lanes with those that evaluate one stage after the other.
+    Counts are those that the solution reports, "called" those of the system's functions, and "kernel" those of the
+    kernel when it is called directly.  Stages share SIMD lanes only in the run "lanes" of Gauss methods.
     """
     found = {}
     for name, (system, h, (q, p)) in runs(label).items():
@@ -108,11 +103,7 @@ def of(label: str) -> dict:
 
 
 def in_lanes(label: str) -> dict:
-    """Count the evaluations of a Gauss method whose stages share SIMD lanes, on steps that Newton's method solves.
-
-    Returns a dict: "called" is the number of evaluations counted from outside, "kernel" a dict of the kernel's own
-    counts, which are also the other entries.
-    """
+    """Count the evaluations of a Gauss method whose stages share SIMD lanes, on steps that Newton's method solves."""
     prepared, calls = prepare(ALL[label], stiff.SYSTEM), []
     f, stages = prepared.step.f, prepared.step.stages
 
@@ -126,11 +117,7 @@ def in_lanes(label: str) -> dict:
 
 
 def kernel_counts(prepared, d: int, h: float, q, p) -> dict:
-    """Call a prepared step loop (kernel) as `integrate` does and return its counts, by the names in `TOLD`.
-
-    It is called for two steps, then for the rest of `STEPS`.  d is the number of degrees of freedom, h the step, q and
-    p the initial state.
-    """
+    """The counts of a kernel that is called for two steps, then for the rest of `STEPS`, by the names in `TOLD`."""
     run = lay_out(prepared, d, h, q, p)
     for every in (2, STEPS - 2):
         run(np.zeros((1, d)), np.zeros((1, d)), np.zeros((1, 1)), every)

@@ -36,10 +36,7 @@ ALL = _methods()
 
 
 def of(label: str) -> dict:
-    """Run the method with this label until it ends early, for several spacings of the stored rows.
-
-    Returns {spacing: [status, steps taken, gradient evaluations, stored rows (q, p)]}.
-    """
+    """{spacing of the stored rows: [status, steps taken, gradient evaluations, stored rows (q, p)]} of a method."""
     ends = {}
     with np.errstate(all="ignore"):
         for every in (1, 5, 0):
