@@ -118,13 +118,6 @@ def test_the_energy_error_stays_bounded():
 
 
 @pytest.mark.parametrize("id", KINDS)
-def test_the_orbit_does_not_depend_on_the_stored_rows(id):
-    every, none = (integrate(ORBIT, id, h=0.1, t_end=10, save_every=n) for n in (1, 0))
-    assert np.array_equal(end(every), end(none))
-    assert every.t[-1] == 10.0
-
-
-@pytest.mark.parametrize("id", KINDS)
 def test_a_fall_into_the_singularity_ends_as_a_collision(id):
     s = integrate(ORBIT, id, h=0.1, t_end=5, q0=[1.0, 0.0], p0=[0.0, 0.0])
     assert s.status == "collision"

@@ -81,14 +81,6 @@ def test_evaluations_of_a_sweep(id, sweeps):
     assert run.counts.fallbacks == run.counts.newton == 0
 
 
-def test_every_sixteenth_step_begins_with_the_smallest_rule():
-    run = lay_out(prepare(method("avf"), of(MASSES)), 2, 0.0, [0.7, 0.5], [0.2, -0.3], DOUBLE)
-    second = run.step.rows[0]
-    for k in range(50):
-        run.counts.rule = second
-        assert one_step(run) == (0 if k % 16 == 0 else second)
-
-
 def test_round_off_of_large_coordinates_ends_a_step():
     """If two rules differ by the round-off of large coordinates the step ends instead of trying ever larger rules."""
     step, away = prepare(method("avf"), of("p1**2/2 + p2**2/2 - cos(q1) - cos(q2)")), 20 * np.pi

@@ -138,14 +138,6 @@ def test_energy_and_quadratic_casimirs_only_are_conserved(s):
     assert changed["quartic"] > 1e4 * ROUND_OFF
 
 
-@pytest.mark.parametrize("s", [1, 2])
-def test_newton_takes_over_when_the_iteration_diverges(s):
-    found = integrate(SPHERE, f"cohen-hairer-{s}", h=3.0, steps=50, **START)
-    assert found.status == "ok"
-    assert found.counts["newton"] > 10
-    assert greatest_change(SPHERE, SPHERE.H, found) < ROUND_OFF
-
-
 @pytest.mark.parametrize(("s", "most"), [(1, 54), (2, 57)])
 def test_all_increments_start_by_extrapolation(s, most):
     """Starting from zero, or extrapolating only the first increment, takes 8 to 11 more evaluations per step."""
