@@ -248,6 +248,7 @@ def check_prepared(p, name, size, expected, bound=0.0, **options):
 MERGED = {"rebound-eos": 0.1, "rebound-eos-lf4": 0.1, "rebound-mercurius": 1e-3}
 
 
+@pytest.mark.lowest
 @runs(FIXED)
 def test_a_run_of_fixed_steps(p, name):
     need(p.package)
@@ -276,6 +277,7 @@ DEAF, REMEMBERS = ("galpy-ias15-c",), ("rebound-ias15", "rebound-bs")
 TIGHT, LOOSE = 1e-9, 1e-4
 
 
+@pytest.mark.lowest
 @runs(ADAPTIVE)
 def test_a_run_to_a_tolerance(p, name):
     need(p.package)
