@@ -28,7 +28,7 @@ from phasebench.benchmarks.measure import exact_maps
 from phasebench.benchmarks.measure.exact_maps import DIGITS, exact_matrix
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS as SHOWN
-from phasebench.benchmarks.page.page import Data, Table, of
+from phasebench.benchmarks.page.page import Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.page.verdict import NONE, at_most
 from phasebench.benchmarks.problems import problem
@@ -299,14 +299,18 @@ def named_step(h: float, digits: int = 10) -> str:
     return f"{h:.{digits}g}" + (" (1 + 2^-40)" if h == float(f"{h:.3g}") * (1 + 2.0**-40) else "")
 
 
-def ensembles(data: Data) -> pd.DataFrame | None:
+@of(CHOSEN, EVERY)
+def whole(chosen: pd.DataFrame, all_: pd.DataFrame) -> pd.DataFrame:
+    """The growth in every ensemble, or the reason why a method has none."""
+    return pd.concat([chosen, all_], ignore_index=True)
+
+
+@of(whole)
+def ensembles(rows: pd.DataFrame) -> pd.DataFrame:
     """The ensembles of both tables, without those by hand, with the column ``at``: the run as text."""
-    chosen, all_ = data(CHOSEN), data(EVERY)
-    if chosen is None or all_ is None:
-        return None
-    parts = {CHOSEN: chosen[chosen["kind"] != HAND], EVERY: all_[all_["reason"].astype(object).fillna("") == ""]}
-    rows = pd.concat([part.assign(table=name) for name, part in parts.items()], ignore_index=True)
-    return rows.assign(at=[f"{r.label} at h = {named_step(r.h)}" for r in rows.itertuples()])
+    rows = rows[(rows["kind"] != HAND) & (rows["reason"].astype(object).fillna("") == "")]
+    at = [f"{r.label} at h = {named_step(r.h)}" for r in rows.itertuples()]
+    return rows.assign(at=at, table=rows["kind"].notna())
 
 
 def critical(rows: pd.DataFrame) -> float:
@@ -359,19 +363,11 @@ def controls(rows: pd.DataFrame) -> pd.Series | None:
 
 @of(CHOSEN)
 def _drift(rows: pd.DataFrame) -> str:
-    near = rows[faster(rows) & (rows["kind"] == FRACTION)]
-    if near.empty:
-        return ""
-    return f"; it drifts next to fractions such as h = {named_step(near.loc[near['energy exponent'].idxmax(), 'h'])}"
+    near = rows[faster(rows) & (rows["kind"] == FRACTION)].nlargest(1, "energy exponent")
+    return "".join(f"; it drifts next to fractions such as h = {named_step(h)}" for h in near["h"])
 
 
 # -- what is shown -----------------------------------------------------------------------------------------------------
-
-
-@of(CHOSEN, EVERY)
-def whole(chosen: pd.DataFrame, all_: pd.DataFrame) -> pd.DataFrame:
-    """The growth in every ensemble, or the reason why a method has none."""
-    return pd.concat([chosen, all_], ignore_index=True)
 
 
 @panels.picture(

@@ -59,9 +59,7 @@ def _draw(data: Data, folder: Path) -> list[Picture]:
 
 def _text(values: pd.Series, endless: str, digits: int) -> str:
     """The first of the values as text, ``endless`` if it is infinite; "" if there is none."""
-    if values.empty or pd.isna(values.iloc[0]):
-        return ""
-    return endless if values.iloc[0] == np.inf else number(float(values.iloc[0]), digits)
+    return "".join(endless if np.isinf(x) else number(float(x), digits) for x in values.head(1).dropna())
 
 
 @of(limits.LINEAR, push.TABLE, encounters.KEPLER, round_off.CHOSEN)
