@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -11,14 +10,13 @@ from numba import njit
 
 from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping import solve
-from phasebench.integrators.stepping.kernel import COUNTS
 from phasebench.integrators.stepping.solve import FIXED_POINT_LIMIT, LEVELS, NOT_FINITE, SOLVED, STALLED, Change
 from phasebench.integrators.values import vector
-from phasebench.integrators.values.vector import axpy, distance, inline, load, scale, size, store
 from support.values import value
 
 EPS = np.finfo(float).eps
@@ -183,76 +181,14 @@ def test_linear_equations_are_solved_with_pivoting(n):
     assert not solve.gauss(np.array([[1.0, 2.0, 1.0], [2.0, 4.0, 2.0]]), 2), "singular"
 
 
-class Step(NamedTuple):
-    """Stand-in for a method's step that has a list of quadrature rules."""
-
-    h: float
-    eps: float
-    nodes: np.ndarray
-    rows: np.ndarray
-
-
-class RoundedRows(NamedTuple):
-    """Test equations x_j = x_j / 8 + constant_j, with constants of their own for each quadrature rule."""
-
-    memory: np.ndarray
-    stages: int
-    like: Any
-    q: Any
-    p: Any
-    step: Step
-    rules: np.ndarray
-    counts: Any
-
-
-@inline
-def by_rule(e, old, new):
-    delta, length = 0.0, 0.0
-    for j in range(e.stages):
-        x = load(e.memory, old + j, e.like)
-        g = axpy(0.125, x, scale(1.0, load(e.rules, e.counts.rule * e.stages + j, e.like)))
-        store(e.memory, new + j, g)
-        delta += distance(g, x)
-        length += size(g)
-    return delta, length
-
-
-@inline
-def no_derivative(e, at, span, work):
-    return 0
-
-
-@inline
-def from_row(e, x, y):
-    return solve.change(x, y)
-
-
-confirm = solve.confirmer(solve.row_solver(by_rule, no_derivative), by_rule, solve.changes_by_row(from_row))
-
-
-@pytest.mark.parametrize(
-    ("digits", "fallbacks", "rule", "error"),
-    [([2, 4, 8, 30, 30, 30], 0, 3, 0.0), ([2, 4, 8], 1, 2, 1e-8), ([3], 0, 0, 1e-3)],
-)
-def test_rules_are_refined_until_nothing_changes(digits, fallbacks, rule, error):
-    """``digits`` are the correct digits of each rule; where none confirms the last one, that is a fallback."""
-
-    def solved(rule):
-        limits = np.array([[1 / 3, -2 / 3], [3.3, 1 / 7]])
-        table = np.array([limits * (1 + 10.0**-d) for d in digits]).reshape(-1, 2)
-        counts, memory = np.zeros(1, COUNTS).view(np.recarray)[0], np.zeros((8, 2))
-        counts.rule = rule
-        step = Step(0.1, EPS, np.arange(10, 10 + len(digits)), np.ones(len(digits), int))
-        e = RoundedRows(memory, 2, value(0.0, 0.0), value(1.0), value(0.5), step, table, counts)
-        assert confirm(e, 0, 1.5, 0.15, np.zeros((4, 5)), counts)[1] == SOLVED
-        return counts, np.abs(memory[:2] / (limits / 0.875) - 1).max()
-
-    counts, wrong = solved(0)
-    assert (counts.fallbacks, counts.newton) == (fallbacks, 0)
-    assert wrong == pytest.approx(error, rel=1e-3, abs=4 * EPS)
-    assert fallbacks or counts.rule == rule, "the next step begins where nothing changed"
-    if rule == 3:
-        assert solved(rule)[0].gradient < counts.gradient / 2
+@pytest.mark.parametrize("id", ["avf", "cpg-2"])
+@pytest.mark.parametrize("waves", [1, 40])
+def test_an_integral_that_no_rule_confirms_is_a_fallback(id, waves):
+    """Rules are refined until nothing changes, for q and p each; the energy then does not."""
+    made = Hamiltonian(q="q", p="p", H=f"p**2/2 - cos({waves}*q)")
+    s = integrate(made, id, h=0.1, steps=20, q0=[0.1], p0=[3.0])
+    assert (s.counts["fallbacks"] > 0) == (waves == 40)
+    assert np.ptp(made.energies(s.q, s.p)) < 1e-13 or waves == 40
 
 
 @pytest.mark.parametrize(("omega", "h"), [(1.0, 0.1), (1e3, 0.1), (1e3, 10.0)])
