@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import re
 import shutil
-import subprocess
 
 import pandas as pd
 import pytest
@@ -236,37 +233,3 @@ def test_text_is_escaped(text):
     assert render(markdown.plain(text)) == f"<p>{text}</p>\n"
     assert render(markdown.code(text)) == f"<p><code>{text}</code></p>\n"
     assert r"\|H - H0\|" in markdown.table(pd.DataFrame({"what": ["|H - H0|"]}))
-
-
-CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
-#: A script run in a page; it leaves its answer as the text of the body.
-SORT_AND_FILTER = """
-const field = document.querySelector("input.filter"), table = field.nextElementSibling.querySelector("table");
-const rows = () => [...table.tBodies[0].rows].filter((r) => !r.hidden);
-const column = (k) => rows().map((r) => r.cells[k].textContent);
-const before = column(3);
-table.tHead.rows[0].cells[3].click();
-const rising = column(3);
-table.tHead.rows[0].cells[3].click();
-const falling = column(3);
-field.value = "dop853";
-field.dispatchEvent(new Event("input"));
-document.body.textContent = "ANSWER" + JSON.stringify([before, rising, falling, column(0)]) + "END";
-"""
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed to look at the HTML pages with")
-def test_table_sorts_and_filters(tmp_path):
-    page = next(p for p in PAGES if p.id == "structure")
-    text = (REPORTS / "structure.md").read_text().replace("(figures/", f"({REPORTS}/figures/")
-    shown = html.document(text, tmp_path, page.whole(report.Data(REPORTS)))
-    path = tmp_path / "page.html"
-    path.write_text(shown.replace("</body>", f"<script>{{{SORT_AND_FILTER}}}</script></body>"))
-    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run"]
-    command += [f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=5000", "--dump-dom", path.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    before, rising, falling, left = json.loads(re.search(r"ANSWER(.*)END", done.stdout, re.S)[1])
-    numbers = sorted(map(float, before))
-    assert list(map(float, rising)) == numbers != list(map(float, before))
-    assert list(map(float, falling)) == numbers[::-1]
-    assert 0 < len(left) < len(before)

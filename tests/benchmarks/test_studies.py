@@ -7,8 +7,10 @@ The committed report is what judges: a changed sentence, bound, column or figure
 from __future__ import annotations
 
 import ast
+import json
 import re
 import shutil
+import subprocess
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from importlib.metadata import version
@@ -159,6 +161,67 @@ def test_a_page_is_written_of_one_of_its_tables(study, data):
         shown = page.table(part)
         assert shown is None or len(shown.frame) <= ROWS
         assert answer if outcome != MISSING else answer == NOTHING
+
+
+# -- in a browser -----------------------------------------------------------------------------------------------------
+
+CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
+browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed to look at the HTML pages with")
+#: A script run in a page; it leaves its answer as the text of the body.
+SORT_AND_FILTER = """
+const field = document.querySelector("input.filter"), table = field.nextElementSibling.querySelector("table");
+const rows = () => [...table.tBodies[0].rows].filter((r) => !r.hidden);
+const column = (k) => rows().map((r) => r.cells[k].textContent);
+const before = column(COLUMN);
+table.tHead.rows[0].cells[COLUMN].click();
+const rising = column(COLUMN);
+table.tHead.rows[0].cells[COLUMN].click();
+const falling = column(COLUMN);
+field.value = "WORD";
+field.dispatchEvent(new Event("input"));
+document.body.textContent = "ANSWER" + JSON.stringify([before, rising, falling, column(0)]) + "END";
+"""
+
+
+def answer(page: Path, tmp_path: Path, *options: str) -> str:
+    """The answer that the page's script leaves, in a headless Chromium."""
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
+    command += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
+    command += [f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=5000", *options]
+    done = subprocess.run(
+        [*command, "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=120, check=True
+    )
+    return re.search(r"ANSWER(.*)END", done.stdout, re.S)[1]
+
+
+@browser
+def test_table_sorts_and_filters(built, tmp_path):
+    text = (built / "html" / "structure.html").read_text()
+    script = SORT_AND_FILTER.replace("COLUMN", "3").replace("WORD", "dop853")
+    page = tmp_path / "page.html"
+    page.write_text(text.replace("</body>", f"<script>{{{script}}}</script></body>"))
+    before, rising, falling, left = json.loads(answer(page, tmp_path))
+    numbers = sorted(map(float, before))
+    assert list(map(float, rising)) == numbers
+    assert list(map(float, falling)) == numbers[::-1]
+    assert list(map(float, before)) != numbers
+    assert 0 < len(left) < len(before)
+
+
+@browser
+def test_pages_fit_the_width_of_a_phone(built, tmp_path):
+    pages = [(built / "html" / f"{id}.html").as_uri() for id in ["index", *IDS[:-1]]]
+    frames = "".join(f'<iframe width="400" height="900" src="{page}"></iframe>' for page in pages)
+    script = (
+        "addEventListener('load', () => { const wide = [...document.querySelectorAll('iframe')].map((f) => "
+        "[f.src.split('/').pop(), f.contentDocument.documentElement.scrollWidth]);"
+        "document.body.textContent = 'ANSWER' + JSON.stringify(wide) + 'END'; });"
+    )
+    page = tmp_path / "all.html"
+    page.write_text(f"<!doctype html><body>{frames}<script>{script}</script></body>")
+    widths = json.loads(answer(page, tmp_path, "--allow-file-access-from-files"))
+    assert len(widths) == len(pages)
+    assert [(name, width) for name, width in widths if not 300 < width <= 400] == []
 
 
 # -- claims ------------------------------------------------------------------------------------------------------------

@@ -52,23 +52,25 @@ def test_an_example_that_is_right_passes(file):
     assert found.verdict == "pass", found.summary()
 
 
+def test_defect_that_may_be_round_off_is_not_judged():
+    found = certify(EXAMPLES / "shrinks_slightly.py", alone=True)
+    assert (verdicts(found)["symplectic"], found.verdict) == ("not judged", "not-judged")
+
+
 def test_every_example_is_tested():
     named = {file for mark in test_an_example_that_is_right_passes.pytestmark for file in mark.args[1]}
     named |= {row[0] for mark in test_an_example_that_is_wrong_is_caught.pytestmark for row in mark.args[1]}
-    named.add("shrinks_slightly.py")  # not judged: see test_validate_impostors
+    named.add("shrinks_slightly.py")
     named.add("elsewhere_rows.py")  # no step: see test_elsewhere
     assert {p.name for p in EXAMPLES.iterdir() if p.suffix in (".py", ".json")} == named
 
 
-# -- nine correct steps --------------------------------------------------------------------------------------------
+# -- correct steps --------------------------------------------------------------------------------------------
 
 
 def symplectic_euler(system, q, p, h):
-    """A kick, then a drift; for H other than T + V the kick is implicit."""
-    new = p
-    for _ in range(60):
-        new = p - h * system.dH_dq(q, new)
-    return q + h * system.dH_dp(q, new), new
+    p = p - h * system.dH_dq(q, p)
+    return q + h * system.dH_dp(q, p), p
 
 
 def splitting(drifts, kicks):
@@ -81,12 +83,8 @@ def splitting(drifts, kicks):
     return step
 
 
-#: Ruth 1983; Forest & Ruth 1990; Omelyan, Mryglod & Folk 2002.
+#: Ruth 1983.
 ruth = splitting((1, -2 / 3, 2 / 3), (-1 / 24, 3 / 4, 7 / 24))
-THETA = 1 / (2 - 2 ** (1 / 3))
-forest_ruth = splitting((THETA / 2, (1 - THETA) / 2, (1 - THETA) / 2, THETA / 2), (THETA, 1 - 2 * THETA, THETA, 0))
-XI, LAM, CHI = 0.1786178958448091, -0.2123418310626054, -0.06626458266981849
-pefrl = splitting((XI, CHI, 1 - 2 * (CHI + XI), CHI, XI), ((1 - 2 * LAM) / 2, LAM, LAM, (1 - 2 * LAM) / 2, 0))
 
 
 def slopes(system, y):
@@ -114,11 +112,6 @@ def fixed_point(equation, y):
             return y
         last = change
     return y
-
-
-def implicit_midpoint(system, q, p, h):
-    y = np.concatenate([q, p])
-    return np.split(fixed_point(lambda z: y + h * slopes(system, (y + z) / 2), y), 2)
 
 
 NODES, WEIGHTS = (x / 2 for x in np.polynomial.legendre.leggauss(2))
@@ -151,13 +144,10 @@ def compiled_leapfrog(system, q, p, h):
 
 WHOLE = {"symplectic": True, "symmetric": True, "reversible": True}
 RIGHT = {
-    "symplectic-euler": (symplectic_euler, (), {"order": 1, "symplectic": True, "symmetric": False}),
+    "symplectic-euler": (symplectic_euler, SEPARABLE, {"order": 1, "symplectic": True, "symmetric": False}),
     "leapfrog": (leapfrog, SEPARABLE, {"order": 2, **WHOLE}),
     "ruth": (ruth, SEPARABLE, {"order": 3, "symplectic": True, "reversible": False}),
-    "forest-ruth": (forest_ruth, SEPARABLE, {"order": 4, **WHOLE}),
-    "pefrl": (pefrl, SEPARABLE, {"order": 4, **WHOLE}),
     "rk4": (rk4, (), {"order": 4, "symplectic": False, "stability": 2.828}),
-    "implicit-midpoint": (implicit_midpoint, (), {"order": 2, **WHOLE}),
     "averaged": (
         averaged_field,
         ("polynomial degree",),
