@@ -143,6 +143,9 @@ def run_example(tmp_path_factory):
         if name not in results:
             with pytest.MonkeyPatch.context() as patch:
                 patch.chdir(folder)
+                patch.setattr(
+                    "phasebench.benchmarks.certificate.measures.scenes", lambda chosen: []
+                )  # test_place has them
                 words = example(name)
                 results[name] = call(*words, *(["--json"] if name in takes and "--json" not in words else [])), takes
         return results[name]
@@ -189,24 +192,18 @@ print("\\n" + json.dumps([m for m in {heavy!r} if m in sys.modules]))
 """
 
 
+def printed_and_imported(*commands: tuple[str, ...], **environment: str) -> tuple[list[str], list[str]]:
+    """(lines printed, heavy packages and typer imported) by a process that runs these commands."""
+    command = [sys.executable, "-c", LOADED.format(commands=commands, heavy=(*HEAVY, "typer"))]
+    environment = os.environ | environment
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    *lines, imported = done.stdout.splitlines()
+    return lines, json.loads(imported)
+
+
 def test_lists_and_help_import_no_heavy_package():
-    """The control: what they do import is seen."""
     commands = ("list", "methods"), ("list", "problems"), ("list", "peers"), ("--help",)
-    code = LOADED.format(commands=commands, heavy=(*HEAVY, "typer"))
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout.splitlines()[-1]) == ["typer"]
-
-
-COMPLETED = f"""
-import json, sys
-from phasebench.benchmarks.cli import main
-sys.argv = ["phasebench"]
-try:
-    main()
-except SystemExit:
-    pass
-print(json.dumps([m for m in {HEAVY!r} if m in sys.modules]))
-"""
+    assert printed_and_imported(*commands)[1] == ["typer"], "the control: what they do import is seen"
 
 
 @pytest.mark.parametrize(
@@ -219,13 +216,10 @@ print(json.dumps([m for m in {HEAVY!r} if m in sys.modules]))
 )
 def test_shell_completes_names_without_heavy_packages(line, expected):
     asked = {"COMP_WORDS": " ".join(("phasebench", *line)), "COMP_CWORD": str(len(line))}
-    environment = os.environ | asked | {"_PHASEBENCH_COMPLETE": "complete_bash"}
-    command = [sys.executable, "-c", COMPLETED]
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    *found, imported = done.stdout.split("\n")[:-1]
+    found, imported = printed_and_imported((), **asked, _PHASEBENCH_COMPLETE="complete_bash")
     assert expected in found
-    assert all(name.startswith(line[-1]) for name in found)
-    assert json.loads(imported) == []
+    assert all(name.startswith(line[-1]) for name in found if name)
+    assert imported == ["typer"]
 
 
 def test_json_has_null_for_what_is_not_finite(capsys):

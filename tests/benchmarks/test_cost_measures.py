@@ -11,7 +11,7 @@ import pytest
 from phasebench.benchmarks.ladder.costs import at
 from phasebench.benchmarks.measure import canary
 from phasebench.benchmarks.measure.timing import NOWHERE
-from phasebench.benchmarks.studies.costs import large, solvers, start, step
+from phasebench.benchmarks.studies.costs import large, start, step
 from phasebench.benchmarks.studies.costs.systems import SYSTEMS
 from phasebench.benchmarks.studies.ensembles import against, maps
 from phasebench.integrators.compile.codegen import TUPLE_LIMIT
@@ -103,12 +103,6 @@ def test_interval_of_an_exponent_covers():
     assert 930 <= inside <= 970
     assert large.exponent(d, 3.0 * d**2)[0] == pytest.approx(2)
     assert np.isnan(large.exponent(d[:2], d[:2])).all()
-
-
-def test_steps_lie_on_both_sides_of_contraction(monkeypatch):
-    monkeypatch.setattr(solvers, "timed", lambda runs, h: {})
-    for name, steps in solvers.LATTICES.items():
-        assert [solvers.row(name, 24, s)["by"] for s in steps._fields] == [solvers.FIXED, solvers.MATRIX], name
 
 
 def test_error_is_that_of_the_worst_orbit():

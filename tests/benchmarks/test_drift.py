@@ -33,9 +33,10 @@ def test_drift_below_a_million_times_larger_oscillation(t, periods):
 
 @pytest.mark.parametrize("kind", drift_coverage.KINDS)
 def test_interval_covers_the_true_drift(kind):
-    found = [drift_coverage.coverage(kind, periods, 400, drawn=40) for periods in (3, 20)]
-    # At 95.75 % coverage, fewer than 69 of 80 draws are covered with probability 1e-4.
-    assert sum(r["covered"] for r in found) * 40 >= 69
+    drawn = 8 if "peaked" in kind else 40  # a dear one
+    found = [drift_coverage.coverage(kind, periods, 400, drawn=drawn) for periods in (3, 20)]
+    # At 95.75 % coverage, fewer than 69 of 80 draws are covered with probability 1e-4, than 12 of 16 with 1e-3.
+    assert sum(r["covered"] for r in found) * drawn >= (12 if drawn == 8 else 69)
     if drift_coverage.KINDS[kind].oscillation:
         assert found[0]["covered by the line"] < 0.6, "the control: the line through all points"
 

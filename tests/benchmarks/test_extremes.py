@@ -271,6 +271,14 @@ def test_impulse_method_drifts_at_a_resonance():
 # -- multistep methods -------------------------------------------------------------------------------------------------
 
 
+def test_stability_limit_of_a_multistep_method_is_that_of_its_roots():
+    """On one side of it all roots of rho + (h omega)^2 sigma are on the circle, on the other one is outside."""
+    limit, table = oscillator.find(integrator("quinlan-tremaine-8")).limit, QUINLAN_TREMAINE[8]
+    rho, sigma = (np.array(x, dtype=float)[::-1] for x in (table.rho, table.sigma))
+    inside, outside = (np.abs(np.roots(rho + (limit * x) ** 2 * sigma)).max() - 1 for x in (1 - 1e-6, 1 + 1e-6))
+    assert inside < 1e-9 < 1e-5 < outside
+
+
 @pytest.mark.parametrize(("order", "N"), [(8, 10.0), (8, 60.0), (14, 132.0)])
 def test_both_theories_agree_on_the_circle(order, N):
     """The closed form, and the eigenvalues of the product of all steps."""
