@@ -19,14 +19,11 @@ from phasebench.benchmarks.studies.extremes import round_off
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import dop853, quadrature, tableaus
 from phasebench.integrators.coefficients.trees import DIGITS, order_residual, trees
-from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.families import gauss_lanes, path_lanes, stage_lanes
+from phasebench.integrators.families import gauss_lanes, path_lanes
 from phasebench.integrators.families.stage_lanes import Lanes
 from phasebench.integrators.records.collocation import METHODS, hbvm
 from phasebench.integrators.stepping.kernel import prepare
-from phasebench.integrators.values.lanes import put
-from phasebench.integrators.values.vector import jit
 from support.solutions import energy_errors, rough_end
 
 EPS = np.finfo(float).eps
@@ -155,29 +152,6 @@ def test_double_coefficients_are_symplectic_if_declared(id, name):
     assert exactly_symplectic(id, SYSTEMS[name]()[0]) == BY_ID[id].symplectic
 
 
-#: Round and arbitrary step sizes, some near powers of two.
-LENGTHS = (0.1, 0.0987654321, 0.1234567891, 0.5000000001, 0.9999999999, 7.0 / 3, -0.3)
-
-
-@pytest.mark.parametrize("s", [2, 3, 8])
-def test_weights_of_lanes_add_up_to_the_step(s):
-    step = gauss_lanes.build_lanes(s, SYSTEMS["henon-heiles"]()[0], codegen.DOUBLE)
-    for h in LENGTHS:
-        table = np.ones((1, len(step.like)))
-        write_weights(step, h, table)
-        found = [Fraction(x) for x in table[0].tolist()]
-        assert sum(found) == Fraction(h)
-        assert found[:s] == found[s - 1 :: -1]
-        assert not any(found[s:])
-        plain = [h * float(b) for _, b in quadrature.gauss_legendre(s)]
-        assert np.abs(np.array(found[:s], float) - plain).max() <= EPS * abs(h)
-
-
-@jit
-def write_weights(step, h, table):
-    put(table, 0, stage_lanes.exact_weights(step, h), step.like)
-
-
 def test_double_weights_of_symmetric_rules_add_up_to_1():
     for m in METHODS:
         if m.data[0] in tableaus.SYMMETRIC:
@@ -288,36 +262,6 @@ def test_newton_converges_where_fixed_point_iteration_fails(s, h):
 
 def exp_pade(s):
     return [comb(s, k) * factorial(2 * s - k) / factorial(2 * s) for k in range(s, -1, -1)]
-
-
-NYSTROM, GENERAL = "q1**4", "q1**2*p1**2/10"
-
-
-def stiff(rest: str) -> str:
-    return f"p1**2/2 + p2**2/2 + {OMEGA**2}*q1**2/2 + q2**2/2 + q1*q2 + {rest}"
-
-
-@pytest.mark.parametrize(
-    ("id", "h", "rest"),
-    [
-        ("gauss-3", 0.1, NYSTROM),
-        ("gauss-6", 0.1, GENERAL),
-        ("cpg-2", 0.1, NYSTROM),
-        ("lobatto-iiia-iiib-3", 0.03, GENERAL),
-    ],
-)
-def test_newton_steps_are_reversible(id, h, rest):
-    """The exact solution of the stage equations is time-symmetric, in the Nystrom form and in the general one."""
-    H = stiff(rest)
-    forth, back = (Hamiltonian(q="q1 q2", p="p1 p2", H=f"{sign}({H})") for sign in ("", "-"))
-    q, p = [0.9, 0.2], [3.0, -0.4]
-    there = integrate(forth, BY_ID[id], h=h, steps=5, q0=q, p0=p)
-    here = integrate(back, BY_ID[id], h=h, steps=5, q0=there.q[-1], p0=there.p[-1])
-    assert min(there.counts["newton"], here.counts["newton"]) > 0
-    if h < 0.1:
-        assert there.counts["gradient"] < 250 * 5, "the Jacobian is wrong: Newton's method converges slowly"
-    assert np.abs(rough_end(here) - [*q, *p]).max() < 1e-12
-    assert np.abs(rough_end(there) - [*q, *p]).max() > 0.1
 
 
 # -- starting values -------------------------------------------------------------------------------------------------

@@ -201,16 +201,3 @@ def test_a_step_equals_the_scheme_with_its_lambda(label, fixed):
         end = take_step(fixed, {"lam": lam}, h=0.2, q0=s.q[n], p0=s.p[n])[0]
         assert abs(lam - 0.5) > 1e-4
         assert np.abs(end - [*s.q[n + 1], *s.p[n + 1]]).max() < 1e-15
-
-
-def test_a_run_continues_after_a_step_without_a_root():
-    s = integrate(BOX, "scheme-iv", h=0.1, steps=40)
-    assert np.flatnonzero(np.isnan(s.parameter)).tolist() == [24]
-    assert s.counts["fallbacks"] == 1
-    error = np.abs(energy_error(BOX, s))
-    assert error[25] > 1e-8
-    assert np.delete(error, 25).max() < 1e-15
-    both = integrate(BOX, "scheme-iv-v", h=0.1, steps=40)
-    assert both.counts["fallbacks"] == np.isnan(both.parameter).sum() == 0
-    assert np.array_equal(both.q[:25], s.q[:25])
-    assert np.abs(energy_error(BOX, both)).max() < 1e-15
