@@ -57,12 +57,11 @@ def start(name: str) -> Problem:
     return problems.problem(name)
 
 
-def run(problem: Problem, id: str, h: float, t_end: float, **parameters: Any) -> Solution:
-    """Integrate a problem by the method ``id`` with its ``parameters`` and step h to ``t_end``."""
+def _run(problem: Problem, id: str, h: float, t_end: float, **parameters: Any) -> Solution:
     return integrate(problem, id, h=h, t_end=t_end, parameters=parameters)
 
 
-def error(problem: Problem, s: Solution, invariant: str = "energy") -> np.ndarray:
+def _error(problem: Problem, s: Solution, invariant: str = "energy") -> np.ndarray:
     """|F - F0| of the energy, or another invariant, along a solution: array (n,)."""
     expression = problem.system.H if invariant == "energy" else problem.invariants[invariant]
     values = problem.system.observe(expression, s.q, s.p)
@@ -78,14 +77,14 @@ def row(panel: str, curve: str, x: ArrayLike, y: ArrayLike, s: Solution | None =
     return {"panel": panel, "curve": curve} | of_run | values | {"x": pack(x, digits), "y": pack(y, digits)}
 
 
-def binned_maxima(t: np.ndarray, e: np.ndarray, bins: int = 200) -> tuple[np.ndarray, np.ndarray]:
+def _binned_maxima(t: np.ndarray, e: np.ndarray, bins: int = 200) -> tuple[np.ndarray, np.ndarray]:
     """Thin a curve (t, e) without losing peaks: (times, values) of the largest e in each of ``bins`` equal pieces."""
     edges = np.linspace(0, len(e), min(bins, len(e)) + 1).astype(int)
     best = np.array([a + np.argmax(e[a:b]) for a, b in pairwise(edges)])
     return t[best], e[best]
 
 
-def thin_path(q: np.ndarray, n: int = POINTS) -> np.ndarray:
+def _thin_path(q: np.ndarray, n: int = POINTS) -> np.ndarray:
     """Thin a plane path, array (steps, 2), to at most ``n`` points that are about equally spaced: array (m, 2)."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(q, axis=0).T))])
     return q[np.unique(np.searchsorted(along, np.linspace(0, along[-1], n)).clip(max=len(q) - 1))]
@@ -175,10 +174,10 @@ def _lotka_methods() -> list[dict]:
         ("implicit midpoint", "implicit-midpoint", "2-2"),
     ):
         made = start(f"lotka-volterra:{orbit}")
-        exact, s = run(made, "rk4", LOTKA / 50, 120 * LOTKA), run(made, id, LOTKA, 120 * LOTKA)
-        rows.append(row(title, "exact flow", *thin_path(np.hstack([exact.q, exact.p]), n=400).T, exact))
+        exact, s = _run(made, "rk4", LOTKA / 50, 120 * LOTKA), _run(made, id, LOTKA, 120 * LOTKA)
+        rows.append(row(title, "exact flow", *_thin_path(np.hstack([exact.q, exact.p]), n=400).T, exact))
         H = made.system.observe(made.system.H, s.q, s.p)
-        change = {"end": H[-1] - H[0], "energy_error": error(made, s).max()}
+        change = {"end": H[-1] - H[0], "energy_error": _error(made, s).max()}
         rows.append(row(title, made.start.about, s.q, s.p, s, **change))
     return rows
 
@@ -188,27 +187,27 @@ def _henon(methods: Methods, t_end: float = END) -> Iterator[tuple[str, str, Pro
     for orbit in ORBITS:
         made = start(f"henon-heiles:{orbit}")
         for label, (id, parameters) in methods.items():
-            yield orbit, label, made, run(made, id, HENON, t_end, **parameters)
+            yield orbit, label, made, _run(made, id, HENON, t_end, **parameters)
 
 
 def _henon_orbits(methods: Methods) -> list[dict]:
     rows = []
     for orbit, label, made, s in _henon(methods):
         inside = np.abs(s.q).max(axis=1) < 10 * ORBITS[orbit]  # an escaping orbit is cut off outside the frame
-        path = thin_path(s.q[inside][: round(DRAWN / HENON)])
-        rows.append(row(orbit, label, *path.T, s, energy_error=error(made, s).max()))
+        path = _thin_path(s.q[inside][: round(DRAWN / HENON)])
+        rows.append(row(orbit, label, *path.T, s, energy_error=_error(made, s).max()))
     return rows
 
 
 def _henon_energies(methods: Methods) -> list[dict]:
     rows = []
     for orbit, label, made, s in _henon(methods):
-        off = error(made, s)
-        rows.append(row(orbit, label, *binned_maxima(s.t, off), s, energy_error=off.max()))
+        off = _error(made, s)
+        rows.append(row(orbit, label, *_binned_maxima(s.t, off), s, energy_error=off.max()))
     return rows
 
 
-def section(problem: Problem, s: Solution) -> np.ndarray:
+def _section(problem: Problem, s: Solution) -> np.ndarray:
     """The Poincare section q1 = 0, p1 > 0 of a solution with H = |p|^2 / 2 + U(q): (q2, p2), array (n, 2)."""
     y = np.hstack([s.q[:, :2], s.p[:, 1:2]])
     rates = [*problem.system.dq[:2], problem.system.dp[1]]
@@ -233,12 +232,12 @@ def section(problem: Problem, s: Solution) -> np.ndarray:
 def _henon_sections() -> list[dict]:
     rows = []
     for orbit, label, made, s in _henon(SCHEME_I, LONG):
-        crossings = section(made, s)
+        crossings = _section(made, s)
         rows.append(row(orbit, label, *crossings.T, s, crossings=len(crossings)))
     return rows
 
 
-def precession(s: Solution) -> float:
+def _precession(s: Solution) -> float:
     """The angle in radians by which the apocentre turns per revolution, on average."""
     r = np.hypot(*s.q.T)
     far = 1 + np.flatnonzero((r[1:-1] > r[:-2]) & (r[1:-1] >= r[2:]))
@@ -253,16 +252,16 @@ def precession(s: Solution) -> float:
 
 
 def _kepler(chosen: tuple[str, dict], t_end: float = END) -> Solution:
-    return run(start("perturbed-kepler"), chosen[0], KEPLER, t_end, **chosen[1])
+    return _run(start("perturbed-kepler"), chosen[0], KEPLER, t_end, **chosen[1])
 
 
 def _kepler_orbits(methods: Methods) -> list[dict]:
     rows = []
     for label, chosen in methods.items():
         s = _kepler(chosen)
-        rows.append(row("", label, *thin_path(s.q[: round(DRAWN / KEPLER)]).T, s, turn=precession(s)))
-    s = run(start("perturbed-kepler"), "scheme-iii-suzuki-6", KEPLER / 2, END)
-    return [*rows, row("", "exact flow", [], [], s, turn=precession(s))]
+        rows.append(row("", label, *_thin_path(s.q[: round(DRAWN / KEPLER)]).T, s, turn=_precession(s)))
+    s = _run(start("perturbed-kepler"), "scheme-iii-suzuki-6", KEPLER / 2, END)
+    return [*rows, row("", "exact flow", [], [], s, turn=_precession(s))]
 
 
 def _kepler_invariants(methods: Methods, title: str = "") -> list[dict]:
@@ -270,8 +269,8 @@ def _kepler_invariants(methods: Methods, title: str = "") -> list[dict]:
     for label, chosen in methods.items():
         s = _kepler(chosen)
         for name in ("energy", "angular-momentum"):
-            off = error(start("perturbed-kepler"), s, name)
-            rows.append(row(f"{title}{name}", label, *binned_maxima(s.t, off), s, largest=off.max()))
+            off = _error(start("perturbed-kepler"), s, name)
+            rows.append(row(f"{title}{name}", label, *_binned_maxima(s.t, off), s, largest=off.max()))
     return rows
 
 
@@ -282,27 +281,6 @@ def _kepler_parameter() -> list[dict]:
         low, middle, high = (f(s.parameter) for f in (np.nanmin, np.nanmedian, np.nanmax))
         rows.append(row("lambda", label, s.t[1:], s.parameter, s, low=low, median=middle, high=high))
     return rows
-
-
-def refinement(
-    problem: Problem, id: str, steps: Sequence[int], **parameters: Any
-) -> tuple[np.ndarray, np.ndarray, list[Solution]]:
-    """End states at t = 1 with numbers of steps that double: (h, max |y_h - y_2h|, solutions).
-
-    For n numbers in ``steps``, h and the differences, the largest over q and p, are arrays (n - 1,), and there are n
-    solutions.  A difference is NaN if a run failed.
-    """
-    runs = [integrate(problem, id, t_end=1.0, steps=n, save_every=0, parameters=parameters) for n in steps]
-    ends = [end_state(s) + (0 if s.status == "ok" else np.nan) for s in runs]
-    return 1.0 / np.array(steps[1:]), np.abs(np.diff(ends, axis=0)).max(axis=1), runs
-
-
-def observed_order(h: np.ndarray, differences: np.ndarray) -> float:
-    """Fit the order: the log-log slope of ``differences`` over the three smallest h with differences above `NOISE`."""
-    clear = differences > NOISE
-    if clear.sum() < 2:
-        return float("nan")
-    return float(np.polyfit(np.log(h[clear][-3:]), np.log(differences[clear][-3:]), 1)[0])
 
 
 #: Panel title -> (method id, order); curve label -> (method id, order).
@@ -319,11 +297,19 @@ TABLE = [6 * 2**k for k in range(8)]
 
 
 def _differences(panel: str, curve: str, id: str, steps: Sequence[int], **parameters: Any) -> dict:
-    """The row of a curve on the chaotic orbit of Henon-Heiles, with the observed order."""
-    h, differences, runs = refinement(start("henon-heiles:chaotic"), id, steps, **parameters)
+    """Max |y_h - y_2h| over q and p at t = 1 on the chaotic orbit of Henon-Heiles, with numbers of steps that double.
+
+    The order is the log-log slope over the three smallest h with differences above `NOISE`.
+    """
+    made = start("henon-heiles:chaotic")
+    runs = [integrate(made, id, t_end=1.0, steps=n, save_every=0, parameters=parameters) for n in steps]
+    ends = [end_state(s) + (0 if s.status == "ok" else np.nan) for s in runs]
+    h, off = 1.0 / np.array(steps[1:]), np.abs(np.diff(ends, axis=0)).max(axis=1)
+    clear = off > NOISE
+    line = np.polyfit(np.log(h[clear][-3:]), np.log(off[clear][-3:]), 1) if clear.sum() > 1 else [np.nan]
     worst = next((s for s in runs if s.status != "ok"), runs[-1])
     counts = {k: sum(s.counts[k] for s in runs) for k in ("steps", "fallbacks")}
-    return row(panel, curve, h, differences, worst) | counts | {"order": observed_order(h, differences)}
+    return row(panel, curve, h, off, worst) | counts | {"order": float(line[0])}
 
 
 def _convergence() -> list[dict]:

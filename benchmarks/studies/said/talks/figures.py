@@ -39,15 +39,10 @@ def _pendulum(rows: pd.DataFrame) -> Figure:
             axes.fill(unpack(r.x), unpack(r.y), color="black", linewidth=0)
         axes.set_title(f"{title}\nareas {', '.join(f'{a:.3f}' for a in here['area'])}")
         axes.set_aspect("equal")
-    _label(grid, "$q$ (rad)", "$p$")
+    for k in (0, 1):
+        grid[1, k].set_xlabel("$q$ (rad)")
+        grid[k, 0].set_ylabel("$p$")
     return figure
-
-
-def _label(grid: np.ndarray, x: str, y: str) -> None:
-    for axes in grid[-1]:
-        axes.set_xlabel(x)
-    for axes in grid[:, 0]:
-        axes.set_ylabel(y)
 
 
 def _lotka(rows: pd.DataFrame) -> Figure:

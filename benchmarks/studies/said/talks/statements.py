@@ -149,18 +149,13 @@ def _shown(table: Callable[[Data], pd.DataFrame | None], data: Data) -> Table | 
 # -- the studies -------------------------------------------------------------------------------------------------------
 
 
-def _slopes(rows: pd.DataFrame) -> pd.Series:
-    """How far each slope of refinement differences is from the order of its scheme."""
-    return (rows["order"] - figures.orders(rows)).abs().set_axis(rows["curve"])
-
-
 #: Page -> further claims, on its figures.
 CLAIMS = {
     "talks-schemes": {
         "slopes": Claim(
             "Every refinement difference falls with the order of its scheme",
             CURVES,
-            lambda rows: _slopes(rows) <= 0.15,
+            lambda rows: ((rows["order"] - figures.orders(rows)).abs() <= 0.15).set_axis(rows["curve"]),
             rows="figure in ['convergence-schemes-i-iii', 'convergence-compositions'] and order == order",
             unit="slopes within 0.15",
             names=2,
