@@ -19,50 +19,16 @@ MAY = {
     "reference": {"reference", "integrators"},
     "benchmarks": {"benchmarks", "reference", "integrators"},
 }
-#: The subpackages of each folder from the bottom up: each imports only itself and those before it.
-ROOMS = {
-    "integrators": (
-        ("errors", "statuses", "threads"),
-        ("keywords", "names"),
-        ("coefficients",),
-        ("record",),
-        ("compile",),
-        ("values",),
-        ("stepping",),
-        ("systems",),
-        ("records",),
-        ("registry",),
-        ("families",),
-        ("request",),
-        ("solution",),
-        ("outcome",),
-        ("prepared",),
-        ("trajectory",),
-        ("driver",),
-        ("batches",),
-        ("scalar_fallback",),
-        ("crossings",),
-        ("ensemble",),
-        ("section",),
-    ),
-    "reference": (("files", "native"), ("installed",), ("solvers",), ("peers",), ("certificates",)),
-    "benchmarks": (
-        ("style",),
-        ("problems",),
-        ("judge",),
-        ("measure",),
-        ("store",),
-        ("ladder",),
-        ("advice",),
-        ("page", "bibliography"),
-        ("workprecision",),
-        ("audit", "certificate"),
-        ("studies",),
-        ("report",),
-        ("cli",),
-        ("conftest",),
-    ),
+#: The subpackages of each folder from the bottom up, levels apart by <: each imports only itself and those before it.
+LEVELS = {
+    "integrators": "errors statuses threads < keywords names < coefficients < record < compile < values < stepping"
+    " < systems < records < registry < families < request < solution < outcome < prepared < trajectory < driver"
+    " < batches < scalar_fallback < crossings < ensemble < section",
+    "reference": "files native < installed < solvers < peers < certificates",
+    "benchmarks": "style < problems < judge < measure < store < ladder < advice < page bibliography < workprecision"
+    " < audit certificate < studies < report < cli < conftest",
 }
+ROOMS = {folder: [level.split() for level in levels.split("<")] for folder, levels in LEVELS.items()}
 HEAVY = ("heyoka", "rebound", "matplotlib", "pandas", "scipy")
 #: Parts of SciPy that the integrators may use: they solve no differential equation.
 ALGEBRA = ("scipy.sparse.", "scipy.optimize.")

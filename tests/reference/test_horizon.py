@@ -9,13 +9,11 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput
-from phasebench.reference import peers
 from phasebench.reference.certificates import along, check, horizon, make, others, stored
-from phasebench.reference.solvers import gauss, taylor
+from phasebench.reference.solvers import taylor
 
 PRECISION = along.Precision(200, "1e-58")
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
-PLANE = Hamiltonian(q="a b", p="c d", H="(c**2 + d**2)/2 + a**2 + b**2")
 
 
 def about(value, rel: float = 1e-6):
@@ -208,6 +206,15 @@ def test_round_off_off_the_manifold_is_in_a_solvers_uncertainty():
     assert said[-1].uncertainty < 100 * said[-1].distance, "so large an uncertainty would hide a wrong solver"
 
 
+def test_gauss_and_ias15_agree_within_uncertainties_that_say_something():
+    made = problem("henon-heiles:box")
+    orbit = along.along(made, [2.0, 10.0], PRECISION, 20)
+    apart = horizon.neighbour(made, orbit.grid, orbit.near)
+    for checks in others.words(made, [2.0, 10.0], orbit, apart):
+        assert [c.solver for c in checks] == [others.GAUSS, others.IAS15]
+        assert all(c.distance <= c.uncertainty <= 1e3 * c.distance for c in checks)
+
+
 def test_a_solvers_uncertainty_covers_random_round_off():
     """For two runs whose errors are random walks, the difference times `SAFETY` covers the error of one."""
     assert others.uncertainty([1.0, 3.0, 2.0], np.array([0.1, 0.2, 0.3])).tolist() == [4.1, 12.2, 12.3]
@@ -215,49 +222,6 @@ def test_a_solvers_uncertainty_covers_random_round_off():
     own = np.array([others.uncertainty(np.abs(a - b), 0.0) for a, b in zip(*walks, strict=True)])
     assert np.mean(np.maximum.accumulate(np.abs(walks[0]), axis=1)[:, -1] <= own[:, -1]) > 0.95
     assert np.mean(np.abs(walks[0]).max(axis=1) <= own[:, -1] / 10) < 0.5
-
-
-def test_gauss_refines_taylor_steps_and_its_round_off_walks(monkeypatch):
-    seen = []
-
-    def run(system, q, p, marks, times):
-        seen.append(marks)
-        return np.array([[1.0, 0.0], [1.0, 0.0], [1.0, 1e-18 * len(seen)]])
-
-    monkeypatch.setattr(taylor, "step_ends", lambda *a: [0.004, 1.0, 4.0])
-    monkeypatch.setattr(gauss, "run", run)
-    far, own = others._gauss(fake_problem(), path([1.0, 2.0, 4.0]), np.array([1.0, 1.0, 10.0]))
-    for marks, parts in zip(seen, others.PARTS, strict=True):
-        steps = np.diff([0.0, *marks])
-        assert steps.min() > 0
-        assert {0.004, 1.0, 4.0} <= {round(t, 12) for t in marks}
-        assert steps.max() <= 1.001 * 4.0 * others.SHARE / parts
-        assert len(marks) == parts * (1 + 100 + 300), "a short step is only divided"
-    assert far == about([0, 0, 2e-18])
-    eps, n = float(gauss.EPS), len(seen[1])
-    assert own == about([*(eps * np.sqrt(n * np.array([1, 2]) / 3)), 4e-18 + 10 * eps * np.sqrt(n)])
-
-
-def test_ias15_runs_at_two_tolerances_and_its_round_off_walks(monkeypatch):
-    """Made-up runs end at q = (t + tol, 0), p = 0 after 400 steps."""
-    asked, status = [], ["ok"]
-
-    def run(problem, peer, tol, t_end):
-        asked.append((tol, t_end))
-        q = np.array([[9.0, 9.0], [t_end + tol, 0.0]])
-        return SimpleNamespace(status=status[0], q=q, p=0 * q, counts={"steps": 400})
-
-    monkeypatch.setattr(peers, "integrate_peer", run)
-    made, unit, (loose, fine) = fake_problem(PLANE), np.array([1.0, 3.0]), others.TOLERANCES
-    rows, own = others._ias15(made, [1.0, 2.0], unit)
-    assert asked == [(loose, 1.0), (loose, 2.0), (fine, 1.0), (fine, 2.0)]
-    assert [row.tolist() for row in rows] == [[t + fine, 0, 0, 0] for t in (1.0, 2.0)]
-    assert own == about(4 * (loose - fine) + 2.0**-52 * 20 * unit)
-    monkeypatch.setattr(others, "TOLERANCES", (fine, fine))
-    assert others._ias15(made, [1.0, 2.0], unit)[1] == about(2.0**-52 * 20 * unit)
-    status[0] = "diverged"
-    assert others._ias15(made, [1.0], np.ones(1)) is None
-    assert others._ias15(fake_problem(), [1.0], np.ones(1)) is None
 
 
 def test_gauss_and_ias15_report_at_the_times(monkeypatch):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 
 import numpy as np
@@ -18,13 +17,6 @@ from phasebench.reference.solvers.taylor import reference
 from support.solutions import last
 
 PEERS = {p.id: p for p in sundials4py.PEERS}
-#: The table of the user guide, "Symplectic partitioned Butcher tables": method, stages, order.
-TABLE = """
-EULER_1_1 1 1, LEAPFROG_2_2 2 2, PSEUDO_LEAPFROG_2_2 2 2, MCLACHLAN_2_2 2 2, MCLACHLAN_3_3 3 3, RUTH_3_3 3 3,
-MCLACHLAN_4_4 4 4, CANDY_ROZMUS_4_4 4 4, MCLACHLAN_5_6 6 5, YOSHIDA_6_8 8 6, SUZUKI_UMENO_8_16 16 8,
-SOFRONIOU_10_36 36 10
-"""
-STATED = {name: (int(s), int(q)) for name, s, q in (line.split() for line in TABLE.split(","))}
 #: H - H0 at t = 50 as SUNDIALS stores it in examples/arkode/C_serial/ark_kepler_*.out: method -> (h, answer).
 STORED = {
     "leapfrog-2-2": (1e-3, -1.0321183419037538e-07),
@@ -49,18 +41,6 @@ def package():
         return sundials4py.load()
     except ImportError as error:
         pytest.skip(f"sundials4py cannot be imported ({error})")
-
-
-def test_every_method_is_there_twice_with_the_order_of_the_table():
-    methods = [re.search(r"ARKODE_SPRK_(\w+)", p.name)[1] for p in PEERS.values()]
-    assert sorted(methods) == sorted([*STATED, *STATED])
-    for name, (id, peer) in zip(methods, PEERS.items(), strict=True):
-        stages, order = STATED[name]
-        assert (peer.order, peer.claims.order, peer.claims.symplectic) == (order, order, True)
-        assert peer.about.startswith(f"{stages} stage")
-        compensated = id.endswith("-compensated")
-        assert id == f"sundials-{name.lower().replace('_', '-')}{'-compensated' * compensated}"
-        assert peer.settings == {"ARKodeSetUseCompensatedSums": compensated}
 
 
 def test_without_the_package_it_is_said_which_python_it_needs(monkeypatch):
