@@ -24,8 +24,16 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx_copybutton",
     "sphinx_design",
+    "sphinx_reredirects",
     "sphinxcontrib.bibtex",
 ]
+# Addresses of pages that are parts of others now.
+_TALKS = {
+    "talks-experiments": ("talk-convergence", "talk-henon-heiles", "talk-lotka-volterra", "talk-perturbed-kepler"),
+    "talks": ("talk-symplectic-maps", "talks-maps", "talks-lotka-volterra"),
+    "talks-schemes": ("talks-generating",),
+}
+redirects = {f"reports/{old}": f"{new}.html" for new, names in _TALKS.items() for old in names}
 exclude_patterns = ["_build", "_ext", "_generated", "tests"]
 
 # Pages that run are Markdown with cells; a page that has not changed is taken from the cache.
