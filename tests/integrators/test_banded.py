@@ -149,6 +149,8 @@ def test_a_useless_matrix_is_replaced():
     assert np.abs(other - end).max() < 1e-12 * np.abs(end).max()
     gentle, _ = ends(system, "implicit-midpoint", lattice("fpu", size=0.01)[1], 1.0, solver="banded")
     assert found.counts["gradient"] > 2 * gentle.counts["gradient"]
+    hard, _ = ends(system, "implicit-midpoint", lattice("fpu", size=10.0)[1], 10.0, 4, solver="banded")
+    assert hard.status == "ok", "where simplified Newton stalls, Newton's method itself takes over"
 
 
 def test_evaluations_and_memory_do_not_grow_with_the_lattice():

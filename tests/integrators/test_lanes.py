@@ -116,6 +116,21 @@ def test_control_a_wrong_coefficient_is_seen(monkeypatch, coefficient, name, siz
 
 
 @njit(**TUPLES)
+def _compare(table, out, two):
+    a, b = take(table, 0, LIKE), take(table, 1, LIKE)
+    one, zero = broadcast_like(1.0, a), broadcast_like(0, a)
+    for k, held in enumerate((a < b, a <= b, a > b, a >= b, a == b, a != b, a < two, 2.0 >= a)):  # noqa: SIM300
+        put(out, k, select(held, one, zero), LIKE)
+
+
+def test_comparisons_are_those_of_numpy():
+    a = np.array([1.0, 2.0, 3.0, np.nan, np.inf, -np.inf, 0.0, 2.0])
+    b, out = np.array([2.0, 2.0, 1.0, 1.0, np.inf, np.inf, -0.0, np.nan]), np.empty((8, WIDTH))
+    _compare(np.array([a, b]), out, 2)
+    assert out.tolist() == [list(row) for row in (a < b, a <= b, a > b, a >= b, a == b, a != b, a < 2, a <= 2)]
+
+
+@njit(**TUPLES)
 def _choose(table, out):
     x, y = take(table, 0, LIKE), take(table, 1, LIKE)
     one, zero = broadcast_like(1.0, x), broadcast_like(0.0, x)
