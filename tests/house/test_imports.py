@@ -241,10 +241,10 @@ def test_public_names_are_never_their_modules():
     assert fresh(PAIRS) == []
 
 
-#: Collects the benches of a room as `pytest benchmarks` does; prints the project's files loaded as two modules.
+#: Collects a bench as `pytest benchmarks` does; prints the project's files loaded as two modules.
 TWICE = """
 import json, os, sys, pytest
-pytest.main(["benchmarks/ladder", "--collect-only", "-q", "-p", "no:cacheprovider"])
+pytest.main(["benchmarks/store/bench_canary.py", "--collect-only", "-q", "-p", "no:cacheprovider"])
 import phasebench.benchmarks.cli, phasebench.benchmarks.report
 seen = {}
 for name, module in list(sys.modules.items()):

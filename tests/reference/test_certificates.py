@@ -85,7 +85,10 @@ def test_digits_equal_the_exact_solution(label):
 
 
 #: Orbits whose error was once far above the uncertainty, which was then the distance of two quadruple-precision runs.
-@pytest.mark.parametrize("label", ["schwarzschild:photon-sphere", "schwarzschild:isco", "toda:three"])
+@pytest.mark.parametrize(
+    "label",
+    ["schwarzschild:photon-sphere", "schwarzschild:isco", pytest.param("toda:three", marks=pytest.mark.thorough)],
+)
 def test_states_are_within_half_their_uncertainty(label):
     made = problem(label)
     ends = stored.load(made)
