@@ -71,7 +71,7 @@ def integrate_peer(
         steps = 1
     asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0)
     if integrator.ahead and asked.h < 0:
-        raise InvalidInput(f"'{integrator.id}' goes ahead in time alone: {integrator.package} refuses a negative step")
+        raise InvalidInput(f"'{integrator.id}' goes ahead in time alone: a negative step is refused")
     system, numbers = asked.system, asked.step_numbers
     times = np.array([asked.h * n for n in numbers])
     task = Task(problem, system, asked.q, asked.p, asked.h, numbers, times, tol)

@@ -146,6 +146,7 @@ def _peer(
     forces: bool = True,
     tolerances: tuple[str, ...] = (),
     least: float = 0.0,
+    ahead: bool = False,
     claims: dict | None = None,
     options: dict | None = None,
 ) -> Peer:
@@ -170,6 +171,7 @@ def _peer(
         scope=SCOPES[kinds] if forces else NEWTON,
         lacks=_lacks(integrator, kinds, forces),
         least=least,
+        ahead=ahead,
         rows_end_steps=bool(tolerances),
         claims=Claims(source=DOCUMENTATION, **(claims or {})),
         settings={"integrator": integrator} | (options or {}),

@@ -91,7 +91,7 @@ def test_records_are_complete():
             assert not any(wrong in words for wrong in ("  ", "; ;", ";;", "None", "{", "}")), words
 
 
-@pytest.mark.parametrize("scope", {*SCOPES, *(p.scope for p in PEERS)})
+@pytest.mark.parametrize("scope", sorted({*SCOPES, *(p.scope for p in PEERS)}))
 def test_a_peer_takes_the_problems_of_its_scope_and_refuses_others(scope):
     for p in PEERS:
         why = {x: p.lacks(made(name), made(name).system) for x, name in LETTERS.items() if p.scope == scope}
