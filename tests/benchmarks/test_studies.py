@@ -236,10 +236,14 @@ KEYS = {table: {*runs.keys[0]} for s in STUDIES for runs in s.runs for table in 
 
 
 def coarsely(frame: pd.DataFrame) -> Iterator[pd.DataFrame]:
-    """Copies of a table in which all numbers, or all that is true or false, are wrong; the rows of a text alone."""
+    """Copies of a table in which all numbers, or all that is true or false, are wrong; the rows of a text alone.
+
+    Numbers keep their sign: a function need not take a time that is negative.
+    """
     numbers, logical = frame.select_dtypes("number"), frame.select_dtypes(bool)
     texts = frame.select_dtypes(exclude=["number", bool])
-    yield from (frame.assign(**{c: spoil(numbers[c].astype(float)) for c in numbers}) for spoil in SPOIL)
+    larger = [spoil for spoil in SPOIL if spoil(1.0) > 0]
+    yield from (frame.assign(**{c: spoil(numbers[c].astype(float)) for c in numbers}) for spoil in larger)
     yield from (frame.assign(**dict.fromkeys(logical, value)) for value in (False, True) if len(logical.columns))
     yield from (frame[texts[c] == x] for c in texts for x in texts[c].unique()[:20])
 
