@@ -15,10 +15,12 @@ import pytest
 from phasebench.benchmarks.ladder import sweep
 from phasebench.benchmarks.measure.multiprecision import leaves, replace_at
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
+from phasebench.benchmarks.store import cells
 from phasebench.benchmarks.store.cells import ProblemKey, content, exact
 from phasebench.integrators import registry
 from phasebench.integrators.compile import digest
 from phasebench.integrators.registry import method
+from phasebench.reference.peers import PEERS
 
 SPLITTING = "phasebench.integrators.families.splitting"
 SWEEP = "phasebench.benchmarks.ladder.sweep"
@@ -47,6 +49,21 @@ def test_coefficient_changes_only_rows_of_its_method(monkeypatch):
     monkeypatch.setitem(registry.BY_ID, "pefrl", bad)
     after = hashes(sweep.cells())
     assert {id for id in before if after[id] != before[id]} == {f"rows|scene={s.id}|method=pefrl" for s in SCENES}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "same"), [("corrector = 17", "corrector = 11", False), ("# ", "# In words: ", True)]
+)
+def test_rows_of_a_peer_depend_on_what_its_list_says(monkeypatch, tmp_path, old, new, same):
+    listed = (cells.PEERS / "rebound.toml").read_text(encoding="utf-8")
+    (tmp_path / "rebound.toml").write_text(listed.replace(old, new), encoding="utf-8")
+    before = content(PEERS["rebound-whfast"]).split("-")
+    cells._listed.cache_clear()
+    monkeypatch.setattr(cells, "PEERS", tmp_path)
+    after = content(PEERS["rebound-whfast"]).split("-")
+    cells._listed.cache_clear()
+    assert (after[0], after[2]) == (before[0], before[2])
+    assert (after[1] == before[1]) == same
 
 
 def test_exact_numbers_at_any_working_precision():

@@ -55,6 +55,13 @@ EVERY = [t for t in BY_NAME.values() if not t.printed]
 each = pytest.mark.parametrize("table", EVERY, ids=lambda t: t.name)
 
 
+@pytest.mark.parametrize("table", GROUPS["sampling"], ids=lambda t: t.name)
+def test_splittings_used_as_printed_have_order_2(table):
+    (letter, weight), *rest = steps(table.name)
+    assert classical_order("splitting", [(letter, weight), *rest]) == 2
+    assert classical_order("splitting", [(letter, weight + 1e-9), *rest], tolerance=1e-12) == 0, "the control"
+
+
 def test_every_name_is_of_one_table():
     assert len(BY_NAME) == sum(map(len, GROUPS.values()))
 
