@@ -1,8 +1,9 @@
 """The cache on disk of generated source text and machine code: one folder, checked when read, and safe to delete.
 
 The folder is $PHASEBENCH_CACHE, or else the platform's folder for caches.  Entries are in a subfolder named by the hash
-of what compiles them (Python, the packages that generate and compile, the processor); an entry's own name has the hash
-of the code that it is made of (`digest`), so that a stale entry is never found, and one that is not stale always is.
+of what compiles them (Python, the packages that generate and compile, the processor, the overloads in `values`); an
+entry's own name has the hash of the code that it is made of (`digest`), so that a stale entry is never found, and one
+that is not stale always is.
 An entry begins with the hash of its name and content; a truncated or changed one is removed and made again.  It is
 written by a rename, so that concurrent writers never leave half of one.
 Processes that need the same entry wait for the one that makes it (`hold_lock`).  Where nothing can be written, work
@@ -39,6 +40,8 @@ LOCK_TIMEOUT, LOCK_POLL = 60.0, 0.01
 #: The files of a folder of machine code: the source that Numba takes it for, and the seal.
 SOURCE, SEAL = "source.py", "seal"
 
+#: The folder of the kinds of number, whose operations are overloads.
+VALUES = Path(__file__).resolve().parents[1] / "values"
 _VERSION = re.compile(r"py\d+-[0-9a-f]{16}")
 _log = logging.getLogger("phasebench")
 #: The first failure to write in this process, which has been logged.
@@ -61,8 +64,29 @@ def root() -> Path | None:
 @lru_cache(maxsize=1)
 def version() -> str:
     """Return the name of this version's subfolder, which is the hash of what compiles its entries."""
-    facts = repr([sys.version, platform.machine(), *_package_versions(), *_processor_settings()])
+    facts = repr([sys.version, platform.machine(), *_package_versions(), *_processor_settings(), _overloads()])
     return f"py{sys.version_info[0]}{sys.version_info[1]}-{hashlib.sha256(facts.encode()).hexdigest()[:16]}"
+
+
+def _overloads() -> str:
+    """The hash of the code of `values`: Numba finds overloads there that no function names which compiles to them.
+
+    It is kept in the folder of all versions, by the hash of the files' bytes, so that a process need not parse them.
+    """
+    from .digest import essence
+
+    texts = [path.read_bytes() for path in sorted(VALUES.glob("*.py"))]
+    place = root()
+    kept = place and place / f"values-{hashlib.sha256(repr(texts).encode()).hexdigest()[:16]}"
+    with suppress(OSError):
+        if kept:
+            return kept.read_text(encoding="utf-8")
+    found = hashlib.sha256(repr([essence(text.decode()) for text in texts]).encode()).hexdigest()[:16]
+    with suppress(OSError):
+        if kept:
+            place.mkdir(parents=True, exist_ok=True)
+            _put(kept, found.encode())
+    return found
 
 
 def _package_versions() -> list[str]:
@@ -133,17 +157,22 @@ def write(name: str, content: bytes) -> None:
             raise OSError("the platform names no folder for caches")
         place.mkdir(parents=True, exist_ok=True)
         _evict_once()
-        handle, temporary = tempfile.mkstemp(dir=place, suffix=".tmp")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(_seal(name, content) + b"\n" + content)
-            os.replace(temporary, place / name)
-        except OSError:
-            with suppress(OSError):
-                os.unlink(temporary)
-            raise
+        _put(place / name, _seal(name, content) + b"\n" + content)
     except OSError as error:
         log_once(error)
+
+
+def _put(path: Path, content: bytes) -> None:
+    """Write a file completely or not at all."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        os.replace(temporary, path)
+    except OSError:
+        with suppress(OSError):
+            os.unlink(temporary)
+        raise
 
 
 def forget(name: str) -> None:

@@ -122,6 +122,18 @@ def test_unusable_content_under_a_valid_seal_is_compiled_again(place, content):
     assert [compile_or_load()[1] for _ in range(2)] == [False, True]
 
 
+def test_the_version_depends_on_overloads(place, tmp_path, monkeypatch):
+    """No kernel names them, so that its own digest does not hold them; a docstring is no part of them."""
+    usual = cache.version.__wrapped__()
+    monkeypatch.setattr(cache, "VALUES", Path(shutil.copytree(cache.VALUES, tmp_path / "values")))
+    masks = tmp_path / "values" / "masks.py"
+    text = masks.read_text(encoding="utf-8")
+    masks.write_text(text.replace('"""', '"""In other words, ', 1), encoding="utf-8")
+    assert [cache.version.__wrapped__() for _ in range(2)] == [usual, usual], "read again, it is the same"
+    masks.write_text(text.replace("for i in range(width)", "for i in range(width - 1)"), encoding="utf-8")
+    assert cache.version.__wrapped__() != usual
+
+
 def test_the_version_depends_on_compilers_and_processor(monkeypatch):
     usual = cache.version.__wrapped__()
     for owner, name in ((numba.config, "CPU_NAME"), (numba, "__version__")):
