@@ -282,9 +282,9 @@ def test_an_ensemble_of_years_is_interrupted(id, n, lanes):
 
     pressed: list[int] = []
     threading.Thread(target=press, daemon=True).start()
-    with pytest.raises(KeyboardInterrupt):
-        try:
+    try:
+        with pytest.raises(KeyboardInterrupt):
             run(steps=10**11)
-        finally:
-            ended.set()
+    finally:
+        ended.set()
     assert np.array_equal(run(steps=20).q, end)
