@@ -19,15 +19,13 @@ tolerance, which is set so large here that the step is the distance of its rows,
 
 Three defects are handled here.  Adaptive integrators do not return from a blow-up, a collision or a start at the origin
 (ias15_c returns uninitialized rows), so heyoka tests the orbit first.  The C code leaves SIGINT with the system's
-handler, so Python's is restored.  The import looks for a newer version on the network, which `load` prevents.
+handler, so the one before is put back.  The import looks for a newer version on the network, which `load` prevents.
 
 Source: J. Bovy, Astrophys. J. Suppl. Ser. 216 (2015) 29.
 """
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -39,6 +37,7 @@ import numpy as np
 
 from phasebench.reference.files import entries
 
+from . import interrupts
 from .galactic import is_henon_heiles, powers, unit_mass
 from .record import Claims, Peer, Run, Task
 
@@ -210,14 +209,13 @@ def _integrate(
         # Instead of failing, galpy would continue with another method, and SciPy's odeint would return invalid rows.
         warnings.filterwarnings("error", message="Cannot use")
         warnings.filterwarnings("error", category=ODEintWarning)
-        began = time.perf_counter()
+        handler, began = interrupts.handler(), time.perf_counter()
         try:
             orbit.integrate(times, potential, method=method, progressbar=False, **options)
         except (Warning, ArithmeticError, ValueError) as error:
             return None, time.perf_counter() - began, str(error)
         finally:
-            if threading.current_thread() is threading.main_thread():
-                signal.signal(signal.SIGINT, signal.getsignal(signal.SIGINT))
+            interrupts.put_back(handler)
         return np.asarray(orbit.getOrbit()), time.perf_counter() - began, None
 
 

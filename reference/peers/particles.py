@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import floating
+from . import floating, interrupts
 from .record import Run, Start, Task
 
 if TYPE_CHECKING:
@@ -307,10 +307,13 @@ def prepare(
             if integrator == "ias15":
                 sim.integrator.min_dt = shortest * abs(t_end)
         reset(first if t_end > 0 else -first)
+        before = interrupts.handler()
         try:
             sim.integrate(t_end)
         except (RuntimeError, rebound.Escape):
             return STALLED
+        finally:
+            interrupts.put_back(before)
         return SOLVED
 
     def evenly(h: float, steps: int) -> int:
@@ -379,7 +382,11 @@ def run(
 def _advance(sim: rebound.Simulation, integrator: str, h: float, before: int, n: int, adaptive: bool) -> None:
     """Advance a REBOUND simulation from step ``before`` to step n of length h; to the time n h if ``adaptive``."""
     if adaptive:
-        sim.integrate(h * n)
+        taken = interrupts.handler()
+        try:
+            sim.integrate(h * n)
+        finally:
+            interrupts.put_back(taken)
         return
     if integrator == "whfast512":  # one call of step makes this number of steps
         sim.integrator.concatenate_steps = n - before

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 
 import numpy as np
 import pytest
@@ -157,21 +154,6 @@ def test_galpy_makes_no_request_and_leaves_interrupts_alone(tmp_path, text, call
     done = subprocess.run([sys.executable, "-c", TRAP + text], capture_output=True, text=True, env=environment)
     assert ("network" in done.stderr) == calls, done.stderr
     assert ("interrupted" in done.stdout) != calls, done.stderr
-
-
-def test_only_the_main_thread_restores_the_interrupt_handler(monkeypatch):
-    """In other threads Python does not allow it."""
-    need("galpy")
-    mine, put = signal.getsignal(signal.SIGINT), []
-    potential = galpy._builtin_potential(problem("kepler").system)
-    run = partial(galpy._integrate, "leapfrog_c", potential, [1.0, 0.0, 1.2, 0.0], np.array([0.0, 0.1]), {})
-    for runs, restored in ((run, True), (lambda: ThreadPoolExecutor(1).submit(run).result(), False)):
-        put.clear()
-        with monkeypatch.context() as patch:
-            patch.setattr(galpy.signal, "signal", lambda *arguments: put.append(arguments))
-            runs()
-        signal.signal(signal.SIGINT, mine)
-        assert bool(put) == restored
 
 
 # -- gala -------------------------------------------------------------------------------------------------------------

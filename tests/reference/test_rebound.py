@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import warnings
 
 import numpy as np
@@ -10,9 +11,10 @@ import pytest
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.outer_solar_system import BODIES, G
 from phasebench.integrators import Hamiltonian, InvalidInput
-from phasebench.reference.peers import BY_ID, integrate_peer, particles
+from phasebench.reference.peers import BY_ID, PEERS, integrate_peer, interrupts, particles
 from phasebench.reference.peers import rebound as peers
 from phasebench.reference.peers.particles import CENTRAL, GRAVITY, POTENTIAL
+from phasebench.reference.peers.prepared import prepare_peer
 from phasebench.reference.peers.record import NotHere
 from phasebench.reference.solvers.taylor import reference
 
@@ -184,3 +186,21 @@ def test_janus_stops_before_its_integers_overflow(q, p, rows):
     s = integrate_peer(free, "rebound-janus-2", h=1.0, steps=4, q0=q, p0=p)
     assert (s.status, len(s.t)) == ("diverged", rows)
     assert "beyond 461" in s.reason
+
+
+@pytest.mark.parametrize("prepared", [False, True])
+def test_ctrl_c_reaches_python_after_a_run(prepared):
+    """REBOUND's C code takes the process's handler, and keeps it: the control."""
+    made, before = problem("kepler"), interrupts.handler()
+    if prepared:
+        prepare_peer(made, PEERS["rebound-ias15"]).advance(1.0)
+    else:
+        integrate_peer(made, "rebound-ias15", t_end=1.0)
+    assert interrupts.handler() == before
+    sim = rebound.Simulation()
+    sim.add(m=1.0)
+    sim.integrate(1.0)
+    assert interrupts.handler() != before
+    interrupts.put_back(before)
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
