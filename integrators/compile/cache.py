@@ -30,6 +30,8 @@ from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 
+from .essence import essence
+
 #: The largest size of the folder, in bytes.
 MAX_BYTES = 500_000_000
 #: Age in seconds from which a temporary file or a lock counts as left over by a killed process.
@@ -73,8 +75,6 @@ def _overloads() -> str:
 
     It is kept in the folder of all versions, by the hash of the files' bytes, so that a process need not parse them.
     """
-    from .digest import essence
-
     texts = [path.read_bytes() for path in sorted(VALUES.glob("*.py"))]
     place = root()
     kept = place and place / f"values-{hashlib.sha256(repr(texts).encode()).hexdigest()[:16]}"

@@ -128,7 +128,10 @@ def short(rows: pd.DataFrame) -> pd.Series:
 
 def later(rows: pd.DataFrame) -> pd.Series:
     """The ratio with plain sums at the last time over that at the first."""
-    found = beside(rows)[PLAIN].iloc[[0, -1]]
+    found = beside(rows)[PLAIN]
+    if found.empty:
+        return found
+    found = found.iloc[[0, -1]]
     ends = ", ".join(f"{number(x)} at t = {t:g}" for t, x in found.items())
     return pd.Series({f"plain sums; {ends}": found.iloc[1] / found.iloc[0]})
 
