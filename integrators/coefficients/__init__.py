@@ -59,7 +59,7 @@ GROUPS: dict[str, tuple[Table, ...]] = {
     "force_gradient": _read("force_gradient", ForceGradientTable),
     "sampling": _read("sampling"),
 }
-#: The compositions and splittings for one kind of system that no survey was needed to find.
+#: The tables whose orders and error constants are compared: those of a survey, processed ones and others are left out.
 TABLES: tuple[Table, ...] = (*GROUPS["compositions"], *GROUPS["splittings"], *GROUPS["nystrom"])
 BY_NAME: dict[str, Table] = {t.name: t for group in GROUPS.values() for t in group}
 

@@ -15,6 +15,8 @@ from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.processed import ProcessedTable
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
+from .splittings import generalised
+
 #: Orders where T is quadratic, [B, [B, [B, A]]] = 0, of tables whose order is lower otherwise; to the digits printed.
 QUADRATIC = {"blanes-casas-ros-p2": 4, "blanes-casas-ros-p4": 6}
 
@@ -71,10 +73,9 @@ def parts_of(table: ProcessedTable) -> tuple[list, list]:
 
 def _record(table: ProcessedTable) -> Method:
     kernel, pre = map(letters, parts_of(table))
-    generalised = f" of generalised order ({','.join(map(str, table.order))})" if len(table.order) > 1 else ""
     return Method(
         id=table.name,
-        name=f"{table.source}: processed {'composition' if table.gamma else 'splitting'}{generalised}",
+        name=f"{table.source}: processed {'composition' if table.gamma else 'splitting'}{generalised(table)}",
         family="processed",
         order=QUADRATIC.get(table.name, table.classical_order),
         symmetric=False,

@@ -31,14 +31,18 @@ def weights(table: Table) -> tuple[tuple, tuple]:
     return tuple(stages["A"]), tuple(stages["B"])
 
 
+def generalised(table: Table) -> str:
+    """What a method's name says of a generalised order; "" for a table with a single order."""
+    return f" of generalised order ({','.join(map(str, table.order))})" if len(table.order) > 1 else ""
+
+
 def record(table: Table) -> Method:
     """Make the record of the splitting of a table."""
     nystrom = table.kind == "nystrom"
     what = "splitting for sampling" if table.printed else NAMES[table.kind]
-    generalised = f" of generalised order ({','.join(map(str, table.order))})" if len(table.order) > 1 else ""
     return Method(
         id=table.name,
-        name=f"{table.source.split(';')[0]}: {what}{generalised}",
+        name=f"{table.source.split(';')[0]}: {what}{generalised(table)}",
         family="splitting" if nystrom else "parametric",
         order=table.classical_order,
         symmetric=table.symmetric,

@@ -16,7 +16,6 @@ from phasebench.reference.solvers.exact import exact as exact_solution
 
 #: Odd multiples of an eighth of an orbit, within 40 orbits: no special phase.
 EIGHTHS = [1, 3, 5, 7, 9, 101, 207, 313]
-HEYOKA = integrator("heyoka")
 
 
 def steps(n):
