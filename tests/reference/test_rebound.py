@@ -191,6 +191,8 @@ def test_janus_stops_before_its_integers_overflow(q, p, rows):
 @pytest.mark.parametrize("prepared", [False, True])
 def test_ctrl_c_reaches_python_after_a_run(prepared):
     """REBOUND's C code takes the process's handler, and keeps it: the control."""
+    # A test before this one may have run REBOUND by itself: Python's handler is put in anew.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     made, before = problem("kepler"), interrupts.handler()
     if prepared:
         prepare_peer(made, PEERS["rebound-ias15"]).advance(1.0)
