@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 
 
@@ -19,6 +18,8 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> InvalidInput:
 
     Its message lists the nearest known names.
     """
+    import difflib
+
     known = sorted(set(known))
     near = difflib.get_close_matches(name, known, n=8, cutoff=0.6)
     more = f" and {len(known) - MANY} more (`phasebench list`)" if len(known) > MANY else ""

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import inspect
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, ParamSpec, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
 
 from .errors import InvalidInput
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
 #: The value of a method's parameter: a number, a NumPy scalar, a fraction, or a text such as "1/3".
-Value = float | str | Fraction | np.number[Any]
+Value: TypeAlias = "float | str | Fraction | np.number[Any]"
 #: Values of a method's parameters by name.
-Parameters = Mapping[str, Value]
+Parameters: TypeAlias = "Mapping[str, Value]"
 
 #: A state: d numbers; states: a row for each orbit.
-State = Sequence[float] | NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
-States = Sequence[State] | NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
+State: TypeAlias = "Sequence[float] | NDArray[np.floating[Any]] | NDArray[np.integer[Any]]"
+States: TypeAlias = "Sequence[State] | NDArray[np.floating[Any]] | NDArray[np.integer[Any]]"
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -51,8 +51,14 @@ def _deprecated(message: str) -> None:
     warnings.warn(message, DeprecationWarning, stacklevel=level)
 
 
+def _near(name: str, known: list[str]) -> list[str]:
+    from difflib import get_close_matches
+
+    return get_close_matches(name, known, n=1)
+
+
 def _unknown(function: str, name: str, known: list[str], more: str = "") -> InvalidInput:
-    near = difflib.get_close_matches(name, known, n=1)
+    near = _near(name, known)
     hint = f"did you mean {near[0]}?" if near else f"{function} takes {', '.join(known)}{more}"
     return InvalidInput(f"unknown argument {name}; {hint}")
 
@@ -121,7 +127,7 @@ def _merge_keywords(
     for name in foreign:
         if name in names:
             continue
-        if (near := difflib.get_close_matches(name, names, n=1)) and not difflib.get_close_matches(name, known, n=1):
+        if (near := _near(name, names)) and not _near(name, known):
             raise InvalidInput(f"unknown argument {name}; did you mean parameters={{'{near[0]}': {foreign[name]!r}}}?")
         takes = f"; the method's parameters are parameters={{...}} of {', '.join(names)}" if names else ""
         raise _unknown(function, name, known, takes)

@@ -9,13 +9,35 @@ from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any
 
 from .errors import InvalidInput
-from .keywords import Value
 
 if TYPE_CHECKING:
+    from .keywords import Value
     from .systems.hamiltonian import PartitionedSystem
 
 #: How well an invariant is kept.
 EXACT, ROUND_OFF, BOUNDED, DRIFT, NONE = "exact", "round-off", "bounded", "drift", "none"
+#: What records of a kind declare, unless they say otherwise.
+SYMPLECTIC = {"symmetric": True, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF}
+CONSERVING = {"symmetric": True, "symplectic": False, "energy": ROUND_OFF, "quadratic": BOUNDED}
+DRIFTING = {"symmetric": False, "symplectic": False, "energy": DRIFT, "quadratic": DRIFT}
+
+
+class Deferred:
+    """The attribute `Method.data`: if it is given as a function without arguments, that is called at the first access.
+
+    So the numbers of a table are computed for the methods that run, and not for all that are listed.
+    """
+
+    def __get__(self, method: Method | None, kind: type[Method]) -> tuple[Any, ...]:
+        if method is None:
+            return ()
+        found = vars(method)["data"]
+        if callable(found):
+            found = vars(method)["data"] = found()
+        return found
+
+    def __set__(self, method: Method, data: tuple[Any, ...] | Callable[[], tuple[Any, ...]]) -> None:
+        vars(method)["data"] = data
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +48,7 @@ class Method:
     ----------
     id, name : its kebab-case name and its full one
     family : the module, in `families`, of its kernel (the compiled loop over steps)
-    data : the coefficients for the family's kernel, exact numbers
+    data : the coefficients for the family's kernel, exact numbers; may be given as a function that returns them
     order : of consistency, for smooth systems that meet ``requires``
     symmetric : equal to its own adjoint
     symplectic : its step map is symplectic on canonical systems
@@ -56,9 +78,15 @@ class Method:
     volume: bool = False
     tangent: bool = True
     earlier: int = 0
-    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
-    data: tuple[Any, ...] = field(default=(), hash=False)
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    data: Deferred = Deferred()
     with_parameters: Callable[..., dict[str, Any]] | None = None
+
+    def __hash__(self) -> int:
+        return hash(self.id)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"data": self.data}
 
     def __call__(self, **parameters: Value) -> Method:
         """Return this method with other values of its parameters; raises InvalidInput for an unknown parameter."""

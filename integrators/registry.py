@@ -5,7 +5,8 @@ To add a method whose family (kind of kernel) exists, add a record to a module o
 
 from __future__ import annotations
 
-from .keywords import Value
+from typing import TYPE_CHECKING
+
 from .names import Records, unknown_method
 from .record import Method
 from .records import (
@@ -16,8 +17,6 @@ from .records import (
     constrained,
     energy,
     extended,
-    fcirk,
-    force_gradient,
     magnetic,
     multistep,
     oscillatory,
@@ -30,37 +29,18 @@ from .records import (
     solvers,
     splittings,
     variational,
-)
-from .records import (
-    wisdom_holman as kepler,
+    wisdom_holman,
 )
 
-_RECORDS: tuple[Method, ...] = (
-    *classical.METHODS,
-    *parametric.METHODS,
-    *splittings.METHODS,
-    *force_gradient.METHODS,
-    *splittings.SAMPLING,
-    *compositions.METHODS,
-    *compositions.COLLECTED,
-    *processed.METHODS,
-    *collocation.METHODS,
-    *adaptive.METHODS,
-    *variational.METHODS,
-    *energy.METHODS,
-    *projection.METHODS,
-    *extended.METHODS,
-    *oscillatory.METHODS,
-    *kepler.METHODS,
-    *fcirk.METHODS,
-    *poisson.METHODS,
-    *magnetic.METHODS,
-    *constrained.METHODS,
-    *rigid.METHODS,
-    *parts.METHODS,
-    *multistep.METHODS,
-)
+if TYPE_CHECKING:
+    from .keywords import Value
 
+#: The modules of records, in the order in which methods are listed.
+MODULES = (
+    *(classical, parametric, splittings, compositions, processed, collocation, adaptive, variational, energy),
+    *(projection, extended, oscillatory, wisdom_holman, poisson, magnetic, constrained, rigid, parts, multistep),
+)
+_RECORDS: tuple[Method, ...] = tuple(m for module in MODULES for m in module.METHODS)
 BY_ID = {m.id: m for m in _RECORDS}
 
 

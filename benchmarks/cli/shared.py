@@ -124,31 +124,32 @@ def show(title: str, rows: list[dict[str, str]]) -> None:
 
     ``rows`` are dicts of texts by column.
     """
-    from rich.table import Table
-    from rich.text import Text
+    from rich.cells import cell_len, set_cell_size
 
     room = width()
     heads = list(rows[0]) if rows else []
     widths: dict[str, int] = {}
     for head in heads:
-        wide = max(len(head), *(len(row[head]) for row in rows))
+        wide = max(map(cell_len, (head, *(row[head] for row in rows))))
         left = wide if room is None else room - sum(widths.values()) - GAP * len(widths)
         if left < min(wide, LEAST):
             break
         widths[head] = min(wide, left)
-    table = Table(
-        title=title, title_justify="left", header_style="bold", box=None, pad_edge=False, padding=(0, GAP, 0, 0)
-    )
-    for head, wide in widths.items():
-        table.add_column(head, no_wrap=True, overflow="ellipsis", width=wide)
+
+    def cut(text: str, wide: int) -> str:
+        return set_cell_size(text if cell_len(text) <= wide else set_cell_size(text, wide - 1) + "…", wide)
+
+    def line(cells: dict[str, str]) -> str:
+        return (" " * GAP).join(cut(cells[head], wide) for head, wide in widths.items()).rstrip()
+
+    style = {"markup": False, "highlight": False, "soft_wrap": True}
+    out.print(title, style="italic", **style)
+    out.print(line({head: head for head in heads}), style="bold", **style)
     for row in rows:
-        table.add_row(*(Text(row[head]) for head in widths))
-    whole = sum(widths.values()) + GAP * len(widths)
-    console = Console(width=room or max(whole, len(title)))
-    console.print(table)
+        print(line(row))
     hidden = heads[len(widths) :]
     if hidden:
-        console.print(f"in a wider terminal also: {', '.join(hidden)}; everything with --json", highlight=False)
+        out.print(f"in a wider terminal also: {', '.join(hidden)}; everything with --json", highlight=False)
 
 
 def check_file(path: Path, endings: tuple[str, ...]) -> None:

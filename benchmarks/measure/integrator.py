@@ -11,7 +11,6 @@ import numpy as np
 
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Problem
-from phasebench.benchmarks.problems.kepler_found import with_kepler_part
 from phasebench.benchmarks.problems.units import span
 from phasebench.benchmarks.problems.user_file import is_file
 from phasebench.integrators import driver, prepared
@@ -29,7 +28,7 @@ from phasebench.reference.installed import is_installed
 from phasebench.reference.peers import Claims, Peer, integrate_peer
 from phasebench.reference.peers.prepared import PreparedPeer, prepare_peer
 
-from . import coefficients, own_step
+from . import own_step
 from .own_step import OwnStep, Step
 from .solution import Solution
 
@@ -212,6 +211,8 @@ def integrator(
     given = _mapping(parameters)
     record: object = method.record if isinstance(method, Integrator) else method
     if isinstance(record, Path) or (isinstance(record, str) and is_file(record)):
+        from . import coefficients
+
         path = str(record)
         record = coefficients.from_file(path) if path.lower().endswith(".json") else own_step.from_file(path)
     elif isinstance(record, str) and record not in METHODS_BY_ID:
@@ -351,4 +352,6 @@ def _problem(problem: Any, method: Integrator, q0: State | None) -> Any:
     needs = "Kepler part" in getattr(method.record, "requires", ())
     if not needs or q0 is None or not isinstance(problem, PartitionedSystem):
         return problem
+    from phasebench.benchmarks.problems.kepler_found import with_kepler_part
+
     return with_kepler_part(problem, np.asarray(q0, float))

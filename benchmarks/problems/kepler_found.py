@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from typing import TYPE_CHECKING
 
 from phasebench.integrators.compile.lazy import sympy as sp
-from phasebench.integrators.families.wisdom_holman import KeplerPart
 from phasebench.integrators.systems import deferred
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
+
+if TYPE_CHECKING:
+    from phasebench.integrators.families.wisdom_holman import KeplerPart
 
 #: A body is central if it is this many times as heavy as all others together.
 HEAVY = 5
@@ -58,6 +61,8 @@ def _square(q0: Sequence[float], i: int, j: int, dimension: int) -> float:
 
 def _about_the_origin(system: Hamiltonian) -> KeplerPart | None:
     """Return the Kepler part of H = p^2 / (2 m) - k / |q| + U(q) in the plane or in space; None for another H."""
+    from phasebench.integrators.families.wisdom_holman import KeplerPart
+
     if system.d not in (2, 3) or not system.quadratic_kinetic:
         return None
     inverse = {sp.diff(v, p) for v, p in zip(system.dq, system.p, strict=True)}

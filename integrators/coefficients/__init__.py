@@ -14,13 +14,11 @@ import warnings
 from functools import cache
 from pathlib import Path
 
-import mpmath
-
+from phasebench.integrators.compile.lazy import mpmath
 from phasebench.integrators.errors import unknown_name
 
 from .force_gradient import ForceGradientTable
 from .fractions import DIGITS
-from .polish import entry, starting_values
 from .processed import ProcessedTable
 from .table import Table, value
 
@@ -97,6 +95,8 @@ def describe(name: str) -> dict:
     kept = read_polished().get(name, {})
     if kept.get("published") == wanted.digest:
         return kept
+    from .polish import entry
+
     warnings.warn(f"{name} is new or was edited and is polished now; to keep the numbers: {COMMAND}", stacklevel=2)
     return entry(wanted)
 
@@ -108,7 +108,7 @@ def polished_numbers(name: str) -> tuple[mpmath.mpf, ...]:
     """
     with mpmath.workdps(DIGITS):
         if table(name).printed:
-            return tuple(starting_values(table(name)))
+            return tuple(map(value, table(name).published))
         return tuple(map(value, describe(name)["numbers"]))
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mpmath
+from phasebench.integrators.compile.lazy import mpmath
 
 from .fractions import DIGITS
 

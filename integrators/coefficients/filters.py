@@ -5,7 +5,7 @@ Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), XIII.2.
 
 from __future__ import annotations
 
-import mpmath
+from phasebench.integrators.compile.lazy import mpmath
 
 
 def one(x: mpmath.mpf) -> mpmath.mpf:
@@ -13,8 +13,9 @@ def one(x: mpmath.mpf) -> mpmath.mpf:
     return mpmath.mpf(1)
 
 
-#: sin(x) / x, 1 at 0; mpmath forms it to full relative precision, at 0 as well as at multiples of pi.
-sinc = mpmath.sinc
+def sinc(x: mpmath.mpf) -> mpmath.mpf:
+    """The filter sin(x) / x, 1 at 0; mpmath forms it to full relative precision, also at multiples of pi."""
+    return mpmath.sinc(x)
 
 
 def sinc_squared(x: mpmath.mpf) -> mpmath.mpf:

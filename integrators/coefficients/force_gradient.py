@@ -17,16 +17,18 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
+from typing import TYPE_CHECKING, TypeAlias
 
-import mpmath
-import numpy as np
+from phasebench.integrators.compile.lazy import mpmath
 
-from .fractions import DIGITS, mirror
-from .order_conditions import normal_form
+from .fractions import mirror
 from .table import Table
 
+if TYPE_CHECKING:
+    import numpy as np
+
 #: A drift ("A", a, 0) or a modified kick ("B", b, c).
-Substep = tuple[str, mpmath.mpf, mpmath.mpf]
+Substep: TypeAlias = "tuple[str, mpmath.mpf, mpmath.mpf]"
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,12 @@ class ForceGradientTable(Table):
         A kick without the Hessian differs from the modified one by :math:`2 c^2 h^5 / b\,V'''(M^{-1}\nabla V,
         M^{-1}\nabla V)` and terms of degree 7, so that order 6 needs the sum of :math:`c^2 / b` to vanish, too.
         """
+        import numpy as np
+
+        from .order_conditions import modified_residuals
+
         steps = self.steps(numbers)
-        found = np.concatenate(residuals(steps, self.order[0] - 1)[1::2])
+        found = np.concatenate(modified_residuals(steps, self.order[0] - 1)[1::2])
         if not self.hessian_free or self.order[0] < 6:
             return found
         return np.append(found, mpmath.fsum(c * c / b for letter, b, c in steps if letter == "B"))
@@ -80,58 +86,3 @@ class ForceGradientTable(Table):
     def excess(self, numbers: Sequence[mpmath.mpf]) -> mpmath.mpf:
         """The largest residual of the order conditions at ``numbers``, in absolute value."""
         return max(map(abs, self.residual(numbers)))
-
-
-def _times_kick(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
-    """Multiply a series S from the left by exp(b B + c C), a modified kick, with C = [B, [A, B]]; return the product.
-
-    ``series`` has the coefficients of S as in `_times_drift`.
-    """
-    out, term = [x.copy() for x in series], series
-    for k in range(1, len(series)):
-        term = _times_generator(b / k, c / k, term)
-        out = [x + y for x, y in zip(out, term, strict=True)]
-    return out
-
-
-def _times_generator(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
-    """Multiply a series S from the left by b B + c C, with C = 2 BAB - BBA - ABB; return the product.
-
-    ``series`` has the coefficients of S as in `_times_drift`.
-    """
-    out = [x * 0 for x in series]
-    for n in range(1, len(series)):
-        out[n][2 ** (n - 1) :] = series[n - 1] * b
-        if n >= 3 and c != 0:
-            for prefix, factor in ((0b101, 2), (0b110, -1), (0b011, -1)):
-                part = slice(prefix * 2 ** (n - 3), (prefix + 1) * 2 ** (n - 3))
-                out[n][part] = out[n][part] + series[n - 3] * (factor * c)
-    return out
-
-
-def _times_drift(a: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
-    """Multiply a series S from the left by exp(a A), a drift; return the product.
-
-    Item n of ``series`` is an array (2^n,): the coefficients in S of all words (products) of n letters A, B.  Words
-    that begin with A stand in the first half.
-    """
-    out = [x.copy() for x in series]
-    for n in range(1, len(series)):
-        factor = mpmath.mpf(1)
-        for k in range(1, n + 1):
-            factor = factor * a / k
-            out[n][: 2 ** (n - k)] = out[n][: 2 ** (n - k)] + series[n - k] * factor
-    return out
-
-
-def residuals(steps: Sequence[Substep], degree: int) -> list[np.ndarray]:
-    """Coefficients of a step minus exp(A + B), the exact flow: for each degree 0, ..., ``degree`` an array over words.
-
-    ``steps`` are the step's substeps.  A word is a product of letters A and B, as many as its degree; words are reduced
-    to normal form by [B, [B, [B, A]]] = 0.
-    """
-    with mpmath.workdps(max(DIGITS, mpmath.mp.dps)):
-        series = [np.full(2**n, mpmath.mpf(n == 0), dtype=object) for n in range(degree + 1)]
-        for letter, weight, c in reversed(list(steps)):
-            series = _times_drift(weight, series) if letter == "A" else _times_kick(weight, c, series)
-        return [normal_form(x - 1 / mpmath.factorial(n)) for n, x in enumerate(series)]

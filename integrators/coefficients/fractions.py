@@ -14,12 +14,9 @@ Lubich, Wanner (2006), II.4.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from fractions import Fraction
 
-import mpmath
-
-if TYPE_CHECKING:
-    from fractions import Fraction
+from phasebench.integrators.compile.lazy import mpmath
 
 DIGITS = 60
 
@@ -53,6 +50,8 @@ def mirror(half: Sequence) -> tuple:
 
 def times(fraction: mpmath.mpf | Fraction, part: mpmath.mpf | Fraction | int) -> mpmath.mpf | Fraction:
     """Multiply a step fraction by another exact number, to `DIGITS` digits."""
+    if isinstance(fraction, Fraction) and isinstance(part, (Fraction, int)):
+        return fraction * part
     with mpmath.workdps(DIGITS):
         if isinstance(part, mpmath.mpf):
             return fraction * part
@@ -60,7 +59,7 @@ def times(fraction: mpmath.mpf | Fraction, part: mpmath.mpf | Fraction | int) ->
 
 
 #: A substep shorter than this is none: the weights of the drifts and of the kicks have the same sum to round-off.
-NONE = mpmath.mpf(10) ** (10 - DIGITS)
+NONE = 1e-50
 
 
 def substeps(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, ...]:

@@ -26,7 +26,7 @@ from itertools import pairwise
 from math import lcm
 from typing import NamedTuple
 
-import mpmath
+from phasebench.integrators.compile.lazy import mpmath
 
 from .fractions import mirror
 

@@ -22,11 +22,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from functools import cache
 from math import comb
+from typing import TYPE_CHECKING
 
 import mpmath
 import numpy as np
 
 from .fractions import DIGITS
+
+if TYPE_CHECKING:
+    from .force_gradient import Substep
 
 #: A residual below this is zero; that of the next degree has to exceed `VISIBLE`.
 TOLERANCE, VISIBLE = mpmath.mpf("1e-38"), mpmath.mpf("1e-12")
@@ -116,6 +120,64 @@ def normal_form(residual: np.ndarray) -> np.ndarray:
         out[babb] -= 3 * c
         out[abbb] += c
     return np.delete(out, [r[0] for r in reductions])
+
+
+# -- modified kicks exp(b B + c C), C = [B, [A, B]] (`force_gradient`) ----------------------------------------------
+
+
+def _times_kick(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
+    """Multiply a series S from the left by exp(b B + c C), a modified kick, with C = [B, [A, B]]; return the product.
+
+    ``series`` has the coefficients of S as in `_times_drift`.
+    """
+    out, term = [x.copy() for x in series], series
+    for k in range(1, len(series)):
+        term = _times_generator(b / k, c / k, term)
+        out = [x + y for x, y in zip(out, term, strict=True)]
+    return out
+
+
+def _times_generator(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
+    """Multiply a series S from the left by b B + c C, with C = 2 BAB - BBA - ABB; return the product.
+
+    ``series`` has the coefficients of S as in `_times_drift`.
+    """
+    out = [x * 0 for x in series]
+    for n in range(1, len(series)):
+        out[n][2 ** (n - 1) :] = series[n - 1] * b
+        if n >= 3 and c != 0:
+            for prefix, factor in ((0b101, 2), (0b110, -1), (0b011, -1)):
+                part = slice(prefix * 2 ** (n - 3), (prefix + 1) * 2 ** (n - 3))
+                out[n][part] = out[n][part] + series[n - 3] * (factor * c)
+    return out
+
+
+def _times_drift(a: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
+    """Multiply a series S from the left by exp(a A), a drift; return the product.
+
+    Item n of ``series`` is an array (2^n,): the coefficients in S of all words (products) of n letters A, B.  Words
+    that begin with A stand in the first half.
+    """
+    out = [x.copy() for x in series]
+    for n in range(1, len(series)):
+        factor = mpmath.mpf(1)
+        for k in range(1, n + 1):
+            factor = factor * a / k
+            out[n][: 2 ** (n - k)] = out[n][: 2 ** (n - k)] + series[n - k] * factor
+    return out
+
+
+def modified_residuals(steps: Sequence[Substep], degree: int) -> list[np.ndarray]:
+    """Coefficients of a step minus exp(A + B), the exact flow: for each degree 0, ..., ``degree`` an array over words.
+
+    ``steps`` are the step's substeps.  A word is a product of letters A and B, as many as its degree; words are reduced
+    to normal form by [B, [B, [B, A]]] = 0.
+    """
+    with mpmath.workdps(max(DIGITS, mpmath.mp.dps)):
+        series = [np.full(2**n, mpmath.mpf(n == 0), dtype=object) for n in range(degree + 1)]
+        for letter, weight, c in reversed(list(steps)):
+            series = _times_drift(weight, series) if letter == "A" else _times_kick(weight, c, series)
+        return [normal_form(x - 1 / mpmath.factorial(n)) for n, x in enumerate(series)]
 
 
 # -- the letters Y_1, Y_3, Y_5, ... of a symmetric base --------------------------------------------------------------

@@ -22,7 +22,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import mpmath
+from phasebench.integrators.compile.lazy import mpmath
 
 from .fractions import mirror
 from .table import Table

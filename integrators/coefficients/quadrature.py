@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cache
 
-import mpmath
+from phasebench.integrators.compile.lazy import mpmath
 
 #: Sizes of the rules for an H that is no polynomial, in doubles and at higher precision.
 RULES, LARGE = (2, 3, 4, 6, 8, 12, 16, 24, 32), (8, 12, 16, 24, 32, 48, 64)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import mpmath
-import numpy as np
+from phasebench.integrators.compile.lazy import mpmath
 
-from . import order_conditions
 from .fractions import DIGITS, mirror
+
+if TYPE_CHECKING:
+    import numpy as np
 
 #: A decimal of more digits is a rounded number, which may be polished; a shorter one, or a fraction, is a choice.
 EXACT_DIGITS = 6
@@ -93,6 +95,10 @@ class Table:
 
     def residual(self, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
         """The residuals of the order conditions at ``numbers``; of a symmetric method those of odd degree."""
+        import numpy as np
+
+        from . import order_conditions
+
         degrees = tuple(p - (self.symmetric and p % 2 == 0) for p in self.order)
         errors = order_conditions.residuals(self.kind, self.steps(numbers), degrees)
         keys = [key for key in order_conditions.conditions(errors, self.order) if key[0] % 2 or not self.symmetric]
@@ -100,6 +106,8 @@ class Table:
 
     def excess(self, numbers: Sequence[mpmath.mpf]) -> mpmath.mpf:
         """The largest residual of the order conditions at ``numbers``, in absolute value."""
+        from . import order_conditions
+
         return order_conditions.excess(
             order_conditions.residuals(self.kind, self.steps(numbers), self.order), self.order
         )

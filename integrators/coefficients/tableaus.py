@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
-import mpmath
+from phasebench.integrators.compile.lazy import mpmath
 
 from .quadrature import gauss_legendre, gauss_lobatto, legendre, legendre_integrals, radau_right
 

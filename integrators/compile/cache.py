@@ -16,7 +16,6 @@ then this version's oldest entries.
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import logging
 import os
 import platform
@@ -66,7 +65,10 @@ def root() -> Path | None:
 @lru_cache(maxsize=1)
 def version() -> str:
     """Return the name of this version's subfolder, which is the hash of what compiles its entries."""
-    facts = repr([sys.version, platform.machine(), *_package_versions(), *_processor_settings(), _overloads()])
+    from importlib.metadata import version
+
+    packages = [version(name) for name in ("llvmlite", "mpmath", "numba", "numpy", "sympy")]
+    facts = repr([sys.version, platform.machine(), *packages, *_processor_settings(), _overloads()])
     return f"py{sys.version_info[0]}{sys.version_info[1]}-{hashlib.sha256(facts.encode()).hexdigest()[:16]}"
 
 
@@ -87,22 +89,6 @@ def _overloads() -> str:
             place.mkdir(parents=True, exist_ok=True)
             _put(kept, found.encode())
     return found
-
-
-def _package_versions() -> list[str]:
-    """Return the versions of the packages that generate and compile code.
-
-    SymPy's version is read from its files without importing it: a process that finds everything cached does not need
-    it.
-    """
-    import llvmlite
-    import mpmath
-    import numba
-    import numpy
-
-    sympy = importlib.util.find_spec("sympy")
-    release = Path(sympy.origin).with_name("release.py").read_text() if sympy else ""
-    return [*(package.__version__ for package in (llvmlite, mpmath, numba, numpy)), release]
 
 
 def _processor_settings() -> list[str]:

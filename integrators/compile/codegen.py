@@ -17,8 +17,6 @@ from functools import lru_cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-import gmpy2
-import mpmath
 import numba
 import numpy as np
 from numba import types
@@ -27,6 +25,7 @@ from phasebench.integrators.errors import InvalidInput
 
 from . import cache, machine
 from .digest import of_folder
+from .lazy import gmpy2, mpmath
 from .options import ARRAYS, TUPLES
 
 if TYPE_CHECKING:

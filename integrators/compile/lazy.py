@@ -1,4 +1,4 @@
-"""Lazy imports: SymPy, which a process that finds everything cached does not need, and packages' public names."""
+"""Lazy imports: SymPy, mpmath and gmpy2, which not every process needs, and packages' public names."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ class LazyModule(ModuleType):
 TYPE_CHECKING = False
 
 if TYPE_CHECKING:
+    import gmpy2 as gmpy2
+    import mpmath as mpmath
     import sympy as sympy
 else:
-    sympy = LazyModule("sympy")
+    gmpy2, mpmath, sympy = map(LazyModule, ("gmpy2", "mpmath", "sympy"))
 
 
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], object]:

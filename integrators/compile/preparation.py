@@ -35,7 +35,7 @@ class _MethodPickler(pickle.Pickler):
 
     def reducer_override(self, obj: Any) -> Any:
         if hasattr(obj, "with_parameters"):
-            return tuple, ([(k, v) for k, v in vars(obj).items() if k != "with_parameters"],)
+            return tuple, ([(k, v) for k, v in obj.__getstate__().items() if k != "with_parameters"],)
         return NotImplemented
 
 

@@ -8,66 +8,47 @@ from __future__ import annotations
 
 from typing import Any
 
-from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
+from phasebench.integrators.record import DRIFTING, ROUND_OFF, SYMPLECTIC, Method
 
 from . import classical, compositions
 
 SOURCE = "Hairer & Soderlind 2005; Hairer, Lubich & Wanner 2006, VIII.3.2; dt = h (sum r^-3)^(-1/2)"
 
 
-def adaptive(
-    *,
-    id: str,
-    name: str,
-    order: int,
-    source: str,
-    cite: tuple[str, ...],
-    requires: tuple[str, ...],
-    data: tuple[Any, ...] = (),
-) -> Method:
+def adaptive(*, name: str, source: str, cite: tuple[str, ...], **facts: Any) -> Method:
     """Make the record of a method whose step depends on the distance to singularities: h is the step at distance 1.
 
-    ``data`` are the coefficients: the pair (1, substeps) for a splitting, where 1 stands for one stage and the substeps
-    are those of `classical.one_stage`, or (s,) for Gauss's method of s stages.  The other arguments are fields of the
-    record.
+    Its data are the pair (1, substeps) for a splitting, where 1 stands for one stage and the substeps are those of
+    `classical.one_stage`, or (s,) for Gauss's method of s stages.  In fictitious time it is symmetric and symplectic.
     """
+    common = SYMPLECTIC | {"symmetric": False, "symplectic": False}
     return Method(
-        id=id,
         name=f"{name} with a reversible control of the step; h is the step where the distance to the singularity is 1",
         family="adaptive",
-        order=order,
-        symmetric=False,  # in time: in fictitious time it is
-        symplectic=False,
-        energy=BOUNDED,
-        quadratic=ROUND_OFF,
-        source=source,
-        cite=cite,
-        requires=requires,
-        data=data,
+        source=f"{source}; {SOURCE}",
+        cite=tuple(dict.fromkeys((*cite, "hairer2005", "hairer2006"))),
+        **common,
+        **facts,
     )
 
 
 def split(base: Method, id: str, name: str) -> Method:
     """Make the variable-step version, see `adaptive`, of a symmetric splitting ``base`` of the family "parametric"."""
-    requires = ("canonical", "separable", "quadratic kinetic energy", "singular distances")
-    cite = tuple(dict.fromkeys((*base.cite, "hairer2005", "hairer2006")))
     return adaptive(
         id=id,
         name=name,
         order=base.order,
-        source=f"{base.source}; {SOURCE}",
-        cite=cite,
-        data=base.data,
-        requires=requires,
+        source=base.source,
+        cite=base.cite,
+        data=lambda: base.data,
+        requires=("canonical", "separable", "quadratic kinetic energy", "singular distances"),
     )
 
 
-VERLET, DRIFTING = (next(m for m in classical.METHODS if m.id == id) for id in ("stormer-verlet", "stormer-verlet-dkd"))
-
 METHODS: tuple[Method, ...] = (
-    split(VERLET, "stormer-verlet-adaptive", "Stormer-Verlet"),
+    split(classical.BY_ID["stormer-verlet"], "stormer-verlet-adaptive", "Stormer-Verlet"),
     split(
-        compositions.compose(DRIFTING, "sofroniou-spaletta-10"),
+        compositions.compose(classical.BY_ID["stormer-verlet-dkd"], "sofroniou-spaletta-10"),
         "sofroniou-spaletta-10-adaptive",
         "Stormer-Verlet, composed by sofroniou-spaletta-10,",
     ),
@@ -76,8 +57,8 @@ METHODS: tuple[Method, ...] = (
             id=f"gauss-{s}-adaptive",
             name=f"Gauss, {s} stages,",
             order=2 * s,
-            source=f"Butcher 1964; {SOURCE}",
-            cite=("butcher1964", "hairer2005", "hairer2006"),
+            source="Butcher 1964",
+            cite=("butcher1964",),
             requires=("canonical", "singular distances", "elementary derivatives"),
             data=(s,),
         )
@@ -89,14 +70,11 @@ METHODS: tuple[Method, ...] = (
             name=f"Gauss, {s} stages, with steps by the field; h is the step where it changes as at the start",
             family="field",
             order=2 * s,
-            symmetric=False,
-            symplectic=False,
-            energy=DRIFT,
-            quadratic=ROUND_OFF,
             source="Butcher 1964; Aarseth 1985 (the quotient of derivatives); Rein & Spiegel 2015 (rejection)",
             cite=("butcher1964", "aarseth1985", "rein-spiegel2015"),
             requires=("canonical", "elementary derivatives"),
             data=(s,),
+            **(DRIFTING | {"quadratic": ROUND_OFF}),
         )
         for s in (4, 6, 8)
     ),

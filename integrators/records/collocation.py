@@ -5,34 +5,32 @@ from __future__ import annotations
 from typing import Any
 
 from phasebench.integrators.coefficients import dop853
-from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
+from phasebench.integrators.record import CONSERVING, DRIFTING, ROUND_OFF, SYMPLECTIC, Method
 
 HLW = "Hairer, Lubich & Wanner 2006"
 BIT = "Brugnano, Iavernaro & Trigiante"
+CANONICAL = {"requires": ("canonical",)}
 
 
-def collocation(
-    *, id: str, name: str, order: int, source: str, cite: tuple[str, ...], data: tuple[str | int, ...], **facts: Any
-) -> Method:
-    """Make the record of an implicit multi-stage method, symmetric and symplectic unless ``facts`` say otherwise.
+def collocation(*, data: tuple[str | int, ...], family: str = "collocation", **facts: Any) -> Method:
+    """Make the record of an implicit multi-stage method.
 
     ``data`` are the kind of the method, such as "gauss" or "radau-iia", and its number s of stages; for "hbvm" also the
     number of nodes.  The other arguments are fields of the record.
     """
-    facts = {"symmetric": True, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF} | facts
-    return Method(id=id, name=name, family="collocation", order=order, source=source, cite=cite, data=data, **facts)
+    return Method(family=family, data=data, **facts)
 
 
 def gauss(s: int) -> Method:
     """Make the record of the Gauss method of s stages."""
-    source = f"Butcher 1964; Sanz-Serna 1988; {HLW}, II.1.3; rounding: Hairer, McLachlan & Razakarivony 2008"
     return collocation(
         id=f"gauss-{s}",
         name=f"Gauss, {s} stages",
         order=2 * s,
-        source=source,
+        source=f"Butcher 1964; Sanz-Serna 1988; {HLW}, II.1.3; rounding: Hairer, McLachlan & Razakarivony 2008",
         cite=("butcher1964", "sanzserna1988", "hairer2006", "hairer2008"),
         data=("gauss", s),
+        **SYMPLECTIC,
     )
 
 
@@ -45,10 +43,8 @@ def hbvm(k: int, s: int) -> Method:
         source=f"{BIT} 2010",
         cite=("brugnano2010",),
         data=("hbvm", s, k),
-        symplectic=False,
-        energy=ROUND_OFF,
-        quadratic=BOUNDED,
-        requires=("canonical",),
+        **CONSERVING,
+        **CANONICAL,
     )
 
 
@@ -61,10 +57,8 @@ def petrov_galerkin(s: int) -> Method:
         source=f"Betsch & Steinmann 2000; Hairer 2010; the limit of HBVM(k, {s})",
         cite=("betsch2000", "hairer2010", "brugnano2010"),
         data=("cpg", s),
-        symplectic=False,
-        energy=ROUND_OFF,
-        quadratic=BOUNDED,
-        requires=("canonical",),
+        **CONSERVING,
+        **CANONICAL,
     )
 
 
@@ -77,6 +71,7 @@ def lobatto(s: int) -> Method:
         source=f"Sun 1993; {HLW}, II.2.2 and VI.4.5",
         cite=("sun1993", "hairer2006"),
         data=("lobatto-iiia-iiib", s),
+        **SYMPLECTIC,
     )
 
 
@@ -89,28 +84,21 @@ def radau(s: int) -> Method:
         source="Ehle 1969; Hairer & Wanner 1996, IV.5",
         cite=("ehle1969", "hairer1996"),
         data=("radau-iia", s),
-        symmetric=False,
-        symplectic=False,
-        energy=DRIFT,
-        quadratic=DRIFT,
+        **DRIFTING,
     )
 
 
 def equip(s: int) -> Method:
     """Make the record of EQUIP: the Gauss method of s stages with a parameter, chosen in each step to keep H."""
-    return Method(
+    return collocation(
         id=f"gauss-equip-{s}",
         name=f"EQUIP: Gauss, {s} stages, with the parameter that keeps the energy",
         family="equip",
         order=2 * s,
-        symmetric=True,
-        symplectic=False,
-        energy=ROUND_OFF,
-        quadratic=ROUND_OFF,
-        requires=("canonical",),
         source=f"{BIT} 2012",
         cite=("brugnano2012",),
         data=(s,),
+        **(CONSERVING | CANONICAL | {"quadratic": ROUND_OFF}),
     )
 
 
@@ -119,13 +107,10 @@ DOP853 = Method(
     name="the method of order 8 of Dormand and Prince, with a fixed step",
     family="runge_kutta",
     order=8,
-    symmetric=False,
-    symplectic=False,
-    energy=DRIFT,
-    quadratic=DRIFT,
     source="Hairer, Norsett & Wanner 1993, II.5 (DOP853)",
     cite=("hairer1993",),
-    data=dop853.tableau(),
+    data=dop853.tableau,
+    **DRIFTING,
 )
 
 METHODS: tuple[Method, ...] = (

@@ -10,14 +10,13 @@ Source: Hairer, Lubich, Wanner (2006), V.3.2; McLachlan, SIAM J. Sci. Comput. 16
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import mpmath
-
 from phasebench.integrators import coefficients
 from phasebench.integrators.coefficients.fractions import DIGITS, times
+from phasebench.integrators.compile.lazy import mpmath
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
 
@@ -54,18 +53,33 @@ def compose(base: Method, fractions: str | Sequence, **facts: Any) -> Method:
             raise InvalidInput(f"'{fractions}' is a splitting, no composition of a symmetric method")
         named = {"name": f"{base.name}, composed by {fractions}", "order": composition.classical_order}
         named |= {"source": composition.source, "cite": (*base.cite, *composition.cite), "id": f"{base.id}-{fractions}"}
-        gamma = tuple(coefficients.steps(fractions))
-    else:
-        gamma = _exact(fractions)
-        named = {"id": f"{base.id}-composed", "name": f"{base.name}, composed"}
-        if "order" not in facts:
-            named["order"] = _order(gamma)
-    data = _data(base, gamma)
-    symmetric = all(abs(f - g) < SUM for f, g in zip(gamma, reversed(gamma), strict=True))
-    changes = {"data": data, "symmetric": symmetric}
+        return _composed(base, lambda: coefficients.steps(fractions), named | facts)
+    gamma = _exact(fractions)
+    named = {"id": f"{base.id}-composed", "name": f"{base.name}, composed"}
+    if "order" not in facts:
+        named["order"] = _order(gamma)
+    named["symmetric"] = all(abs(f - g) < SUM for f, g in zip(gamma, reversed(gamma), strict=True))
+    return _composed(base, lambda: gamma, named | facts)
+
+
+def _composed(base: Method, gamma: Callable[[], Sequence], facts: dict[str, Any]) -> Method:
+    def of(base: Method) -> dict[str, Any]:
+        _check(base)
+        return {"data": lambda: _data(base, gamma())}
+
+    changes = of(base)
     if base.with_parameters is not None:
-        changes["with_parameters"] = lambda **values: {"data": _data(base(**values), gamma)}
-    return replace(base, **(named | changes | facts))
+        changes["with_parameters"] = lambda **values: of(base(**values))
+    return replace(base, **(changes | facts))
+
+
+def _check(base: Method) -> None:
+    """Raise InvalidInput unless the method is symmetric, of order 2, and of a family of which steps are composed."""
+    if base.family not in COMPOSABLE:
+        raise InvalidInput(f"'{base.label}' is of the family {base.family}; only {', '.join(COMPOSABLE)} are composed")
+    if not base.symmetric or base.order != 2:
+        kind = "symmetric" if base.symmetric else "not symmetric"
+        raise InvalidInput(f"'{base.label}' is {kind}, of order {base.order}; a base is symmetric, of order 2")
 
 
 def _exact(fractions: Sequence[mpmath.mpf | Fraction | float | str]) -> tuple[mpmath.mpf, ...]:
@@ -82,12 +96,7 @@ def _order(gamma: tuple[mpmath.mpf, ...]) -> int:
     return classical_order("composition", gamma, tolerance=SUM)
 
 
-def _data(base: Method, gamma: tuple[mpmath.mpf, ...]) -> tuple:
-    if base.family not in COMPOSABLE:
-        raise InvalidInput(f"'{base.label}' is of the family {base.family}; only {', '.join(COMPOSABLE)} are composed")
-    if not base.symmetric or base.order != 2:
-        kind = "symmetric" if base.symmetric else "not symmetric"
-        raise InvalidInput(f"'{base.label}' is {kind}, of order {base.order}; a base is symmetric, of order 2")
+def _data(base: Method, gamma: Sequence[mpmath.mpf]) -> tuple:
     if base.family == "parametric":
         order, substeps = base.data
         return order, tuple((times(g, c), mu, lam) for g in gamma for c, mu, lam in substeps)
@@ -103,7 +112,8 @@ def _data(base: Method, gamma: tuple[mpmath.mpf, ...]) -> tuple:
     )
 
 
-BASES = {m.id: m for m in (*classical.METHODS, *parametric.METHODS)}
+BASES = classical.BY_ID | parametric.BY_ID
+VERLET, MIDPOINT = BASES["stormer-verlet"], BASES["implicit-midpoint"]
 COMPOSITIONS = tuple(t.name for t in coefficients.TABLES if t.gamma)
 #: The fractions that are also taken with other bases than Stormer-Verlet; any others by `compose`.
 BEST = (
@@ -118,15 +128,15 @@ BEST = (
 )
 
 METHODS: tuple[Method, ...] = (
-    *(compose(BASES["stormer-verlet"], name, id=name) for name in COMPOSITIONS),
-    compose(BASES["implicit-midpoint"], "forest-ruth", id="implicit-midpoint-yoshida-4"),
-    compose(BASES["implicit-midpoint"], "suzuki-4"),
-    *(compose(BASES["implicit-midpoint"], name) for name in BEST),
+    *(compose(VERLET, name, id=name) for name in COMPOSITIONS),
+    compose(MIDPOINT, "forest-ruth", id="implicit-midpoint-yoshida-4"),
+    compose(MIDPOINT, "suzuki-4"),
+    *(compose(MIDPOINT, name) for name in BEST),
     *(compose(BASES["scheme-iii"], name) for name in BEST),
     *(compose(BASES["scheme-v"], name) for name in BEST if "10" not in name and name != "yoshida-6a"),
-)
-#: Compositions and splittings that a survey lists (``published/collected.toml``).
-COLLECTED: tuple[Method, ...] = tuple(
-    compose(BASES["stormer-verlet"], t.name, id=t.name) if t.gamma else splittings.record(t)
-    for t in coefficients.GROUPS["collected"]
+    # what a survey lists
+    *(
+        compose(VERLET, t.name, id=t.name) if t.gamma else splittings.record(t)
+        for t in coefficients.GROUPS["collected"]
+    ),
 )

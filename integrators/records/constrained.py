@@ -8,39 +8,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from phasebench.integrators.record import BOUNDED, NONE, Method
+from phasebench.integrators.record import NONE, SYMPLECTIC, Method
 
 from .compositions import compose
 
 HLW = "Hairer, Lubich & Wanner 2006"
 
 
-def constrained(*, symmetric: bool = True, requires: tuple[str, ...] = (), **facts: Any) -> Method:
+def constrained(*, requires: tuple[str, ...] = (), **facts: Any) -> Method:
     """Make the record of a method for systems with constraints, symplectic on their manifold by default.
 
-    ``requires`` are traits that the system must have besides the constraints; ``facts`` are further fields of the
-    record, which replace the defaults.
+    ``requires`` are traits that the system must have besides the constraints.
     """
-    facts = {"symplectic": True, "energy": BOUNDED, "quadratic": NONE, "requires": ("constrained", *requires)} | facts
-    return Method(symmetric=symmetric, **facts)
+    return Method(requires=("constrained", *requires), **(SYMPLECTIC | {"quadratic": NONE} | facts))
 
 
 def rattle(*, project: bool = True, **facts: Any) -> Method:
     """Make the record of RATTLE, or of SHAKE, which does not ``project`` the momenta onto the hidden constraints."""
     return constrained(family="rattle", order=2, requires=("constant mass matrix",), data=((1,), project), **facts)
-
-
-def lobatto(s: int) -> Method:
-    """Make the record of the Lobatto IIIA-IIIB pair of s stages on the manifold of the constraints."""
-    return constrained(
-        id=f"lobatto-iiia-iiib-constrained-{2 * s - 2}",
-        name=f"Lobatto IIIA - IIIB on the manifold of constraints, {s} stages",
-        family="manifold",
-        order=2 * s - 2,
-        source=f"Jay 1996; {HLW}, VII.1.5",
-        cite=("jay1996", "hairer2006"),
-        data=(s,),
-    )
 
 
 RATTLE = rattle(
@@ -69,5 +54,16 @@ METHODS: tuple[Method, ...] = (
         source="Yoshida 1990; Reich 1996; the triple jump of rattle",
         cite=("andersen1983", "yoshida1990", "reich1996"),
     ),
-    *(lobatto(s) for s in (2, 3, 4)),
+    *(
+        constrained(
+            id=f"lobatto-iiia-iiib-constrained-{2 * s - 2}",
+            name=f"Lobatto IIIA - IIIB on the manifold of constraints, {s} stages",
+            family="manifold",
+            order=2 * s - 2,
+            source=f"Jay 1996; {HLW}, VII.1.5",
+            cite=("jay1996", "hairer2006"),
+            data=(s,),
+        )
+        for s in (2, 3, 4)
+    ),
 )

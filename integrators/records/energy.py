@@ -2,157 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from phasebench.integrators.coefficients.fractions import suzuki, times, triple_jump
-from phasebench.integrators.record import BOUNDED, NONE, ROUND_OFF, Method
-
-if TYPE_CHECKING:
-    import mpmath
+from phasebench.integrators.compile.lazy import mpmath
+from phasebench.integrators.record import CONSERVING, NONE, Method
 
 HALF = Fraction(1, 2)
-GONZALEZ = "Gonzalez 1996"
-AVF, PAVF, ITOH_ABE = "Quispel & McLaren 2008", "Cai, Li & Wang 2018", "Itoh & Abe 1988, section 3"
+#: The first words of names and the works of the averaged and the partitioned averaged vector field, and Itoh and Abe's.
+AVF = ("averaged vector field", "Quispel & McLaren 2008", "quispel2008")
+PAVF = ("partitioned averaged vector field", "Cai, Li & Wang 2018", "cai2018")
+ITOH_ABE = ("Itoh-Abe discrete gradient", "Itoh & Abe 1988, section 3", "itoh1988")
+GONZALEZ = ("Gonzalez' discrete gradient", "Gonzalez 1996", "gonzalez1996")
+#: Paths, the order in which the variables change: all at once, momenta and then coordinates, one after the other.
 WHOLE, PARTITIONED, COMPONENTS = "whole", "momenta, coordinates", "components"
 #: The path, its reverse, the mean of both.
 FORTH, BACK, MEAN = 1, -1, 0
 
 
 def conserving_method(
-    *, id: str, name: str, source: str, cite: tuple[str, ...], data: Iterable[Any], **facts: Any
+    id: str,
+    field: tuple[str, str, str],
+    what: str,
+    data: Callable[[], tuple[Any, ...]] | tuple[Any, ...],
+    **facts: Any,
 ) -> Method:
-    """Make the record of a method that conserves H on every canonical system.
+    """Make the record of a method that conserves H on every canonical system, by default symmetric and of order 2.
 
-    The arguments are fields of the record; by default the method has order 2, is symmetric, and keeps quadratic
-    invariants up to a bounded error.
+    ``field`` has the first words of its name, the source and its key; ``what`` are further words.  ``data`` are
+    substeps (fraction of h, path, direction) of averaged fields, or fractions of h for Gonzalez' gradient.
     """
-    facts = {"order": 2, "symmetric": True, "quadratic": BOUNDED} | facts
-    common = {"symplectic": False, "energy": ROUND_OFF, "requires": ("canonical",)}
-    return Method(id=id, name=name, source=source, cite=cite, data=tuple(data), **common, **facts)
+    name, source, cite = field
+    family = "discrete_gradient" if field is GONZALEZ else "averaged"
+    common = CONSERVING | {"order": 2, "requires": ("canonical",), "name": name + what, "source": source}
+    return Method(id=id, family=family, data=data, **(common | {"cite": (cite,)} | facts))
 
 
-def averaged_method(**facts: Any) -> Method:
-    """Make the record of an averaged vector field method from fields of the record.
+def composed(
+    id: str, field: tuple[str, str, str], scheme: str, data: Callable[[Callable[..., tuple]], tuple[Any, ...]]
+) -> Method:
+    """Make the record of a composition of order 4; ``data`` maps the fractions of the steps to the record's data."""
+    fractions = {"yoshida": triple_jump, "suzuki": suzuki}[scheme]
+    return conserving_method(
+        id,
+        field,
+        f", {scheme.capitalize()} composition of order 4",
+        lambda: data(fractions(4)),
+        order=4,
+        source=f"{field[1]}; {scheme.capitalize()} 1990",
+        cite=(field[2], f"{scheme}1990"),
+    )
 
-    ``data`` are substeps (fraction of h, path, direction).  The path is the order in which the variables change:
-    `WHOLE` (all at once), `PARTITIONED` (momenta, then coordinates) or `COMPONENTS` (one after the other); the
-    direction is `FORTH` (in this order), `BACK` (in the reverse order) or `MEAN` (the mean of both).
-    """
-    return conserving_method(family="averaged", **facts)
 
-
-def gonzalez(**facts: Any) -> Method:
-    """Make the record of a composition of Gonzalez' discrete gradient method; ``data`` are fractions of the step."""
-    return conserving_method(family="discrete_gradient", **facts)
-
-
-def compose_with_adjoint(
-    path: str, fractions: Iterable[Fraction | mpmath.mpf] = (Fraction(1),)
-) -> list[tuple[Fraction | mpmath.mpf, str, int]]:
-    """The substeps (length, path, direction) of a composition of a first-order map with its adjoint.
-
-    For each of the ``fractions`` f of the step there are two, the map over f/2 and its adjoint over f/2.  ``path`` is
-    the order in which the map changes the variables, and the direction `FORTH` for the map and `BACK` for its adjoint,
-    as in `averaged_method`.
-    """
-    return [(times(f, HALF), path, direction) for f in fractions for direction in (FORTH, BACK)]
+def with_adjoint(path: str, fractions: tuple[Fraction | mpmath.mpf, ...] = (Fraction(1),)) -> tuple[tuple, ...]:
+    """Substeps that compose the first-order map along a path, over f/2, with its adjoint, for all fractions f of h."""
+    return tuple((times(f, HALF), path, direction) for f in fractions for direction in (FORTH, BACK))
 
 
 METHODS: tuple[Method, ...] = (
-    averaged_method(
-        id="avf", name="averaged vector field", source=AVF, cite=("quispel2008",), data=[(1, WHOLE, FORTH)]
+    conserving_method("avf", AVF, "", ((1, WHOLE, FORTH),)),
+    *(
+        composed(f"avf-{scheme}-4", AVF, scheme, lambda fractions: tuple((f, WHOLE, FORTH) for f in fractions))
+        for scheme in ("yoshida", "suzuki")
     ),
-    averaged_method(
-        id="avf-yoshida-4",
-        name="averaged vector field, Yoshida composition of order 4",
-        source=f"{AVF}; Yoshida 1990",
-        cite=("quispel2008", "yoshida1990"),
-        data=[(f, WHOLE, FORTH) for f in triple_jump(4)],
-        order=4,
-    ),
-    averaged_method(
-        id="avf-suzuki-4",
-        name="averaged vector field, Suzuki composition of order 4",
-        source=f"{AVF}; Suzuki 1990",
-        cite=("quispel2008", "suzuki1990"),
-        data=[(f, WHOLE, FORTH) for f in suzuki(4)],
-        order=4,
-    ),
-    averaged_method(
-        id="pavf",
-        name="partitioned averaged vector field, momenta first",
-        source=PAVF,
-        cite=("cai2018",),
-        data=[(1, PARTITIONED, FORTH)],
-        order=1,
-        symmetric=False,
-    ),
-    averaged_method(
-        id="pavf-adjoint",
-        name="partitioned averaged vector field, coordinates first",
-        source=PAVF,
-        cite=("cai2018",),
-        data=[(1, PARTITIONED, BACK)],
-        order=1,
-        symmetric=False,
-    ),
-    averaged_method(
-        id="pavf-c",
-        name="partitioned averaged vector field, composition with its adjoint",
-        source=PAVF,
-        cite=("cai2018",),
-        data=compose_with_adjoint(PARTITIONED),
-    ),
-    averaged_method(
-        id="pavf-p",
-        name="partitioned averaged vector field, mean with its adjoint",
-        source=PAVF,
-        cite=("cai2018",),
-        data=[(1, PARTITIONED, MEAN)],
-    ),
-    averaged_method(
-        id="pavf-c-yoshida-4",
-        name="partitioned averaged vector field, Yoshida composition of order 4",
-        source=f"{PAVF}; Yoshida 1990",
-        cite=("cai2018", "yoshida1990"),
-        data=compose_with_adjoint(PARTITIONED, triple_jump(4)),
-        order=4,
-    ),
-    averaged_method(
-        id="itoh-abe",
-        name="Itoh-Abe discrete gradient",
-        source=ITOH_ABE,
-        cite=("itoh1988",),
-        data=[(1, COMPONENTS, FORTH)],
-        order=1,
-        symmetric=False,
-        quadratic=NONE,  # it promises none; on perturbed Kepler L oscillates without a drift
-    ),
-    averaged_method(
-        id="itoh-abe-symmetrized",
-        name="Itoh-Abe discrete gradient, mean with the reverse path",
-        source=ITOH_ABE,
-        cite=("itoh1988",),
-        data=[(1, COMPONENTS, MEAN)],
-    ),
-    averaged_method(
-        id="itoh-abe-c",
-        name="Itoh-Abe discrete gradient, composition with its adjoint",
-        source=ITOH_ABE,
-        cite=("itoh1988",),
-        data=compose_with_adjoint(COMPONENTS),
-    ),
-    gonzalez(
-        id="gonzalez", name="Gonzalez' midpoint discrete gradient", source=GONZALEZ, cite=("gonzalez1996",), data=(1,)
-    ),
-    gonzalez(
-        id="gonzalez-yoshida-4",
-        name="Gonzalez' discrete gradient, Yoshida composition of order 4",
-        source=f"{GONZALEZ}; Yoshida 1990",
-        cite=("gonzalez1996", "yoshida1990"),
-        data=triple_jump(4),
-        order=4,
-    ),
+    conserving_method("pavf", PAVF, ", momenta first", ((1, PARTITIONED, FORTH),), order=1, symmetric=False),
+    conserving_method("pavf-adjoint", PAVF, ", coordinates first", ((1, PARTITIONED, BACK),), order=1, symmetric=False),
+    conserving_method("pavf-c", PAVF, ", composition with its adjoint", with_adjoint(PARTITIONED)),
+    conserving_method("pavf-p", PAVF, ", mean with its adjoint", ((1, PARTITIONED, MEAN),)),
+    composed("pavf-c-yoshida-4", PAVF, "yoshida", lambda fractions: with_adjoint(PARTITIONED, fractions)),
+    # It promises nothing of quadratic invariants; on perturbed Kepler L oscillates without a drift.
+    conserving_method("itoh-abe", ITOH_ABE, "", ((1, COMPONENTS, FORTH),), order=1, symmetric=False, quadratic=NONE),
+    conserving_method("itoh-abe-symmetrized", ITOH_ABE, ", mean with the reverse path", ((1, COMPONENTS, MEAN),)),
+    conserving_method("itoh-abe-c", ITOH_ABE, ", composition with its adjoint", with_adjoint(COMPONENTS)),
+    conserving_method("gonzalez", GONZALEZ, "", (1,), name="Gonzalez' midpoint discrete gradient"),
+    composed("gonzalez-yoshida-4", GONZALEZ, "yoshida", lambda fractions: fractions),
 )

@@ -9,40 +9,36 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-import mpmath
-
 from phasebench.integrators.coefficients.copies import midpoint_tableau
 from phasebench.integrators.coefficients.fractions import triple_jump
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.record import BOUNDED, DRIFT, NONE, ROUND_OFF, Method
+from phasebench.integrators.record import BOUNDED, DRIFTING, NONE, SYMPLECTIC, Method
 
-ONE = (mpmath.mpf(1),)
+CANONICAL = {"requires": ("canonical",)}
+
+
+def _composed(order: int, source: str, *cite: str) -> dict[str, Any]:
+    """The source and its keys of a method of order 2, and with Yoshida's those of the triple jump of a higher order."""
+    more = order > 2
+    return {"source": source + "; Yoshida 1990" * more, "cite": (*cite, *("yoshida1990",) * more), "order": order}
 
 
 def _tao(order: int) -> Method:
-    fractions = triple_jump(order)
-
     def data(omega: Fraction | float) -> dict[str, Any]:
         if omega < 0:
             raise InvalidInput(f"omega is {float(omega):g}; the copies are bound by a number that is not negative")
-        return {"data": (fractions, Fraction(omega))}
+        return {"data": lambda: (triple_jump(order), Fraction(omega))}
 
     omega = Fraction(20)
     return Method(
         id=f"tao-{order}",
         name=f"Tao's method of order {order}, extended phase space with bound copies",
         family="extended",
-        order=order,
-        symmetric=False,
-        symplectic=False,
-        energy=BOUNDED,
-        quadratic=BOUNDED,
-        source="Tao 2016" + ("" if order == 2 else "; Yoshida 1990"),
-        cite=("tao2016", *(() if order == 2 else ("yoshida1990",))),
-        requires=("canonical",),
         parameters={"omega": omega},
         with_parameters=data,
         **data(omega),
+        **_composed(order, "Tao 2016", "tao2016"),
+        **(DRIFTING | CANONICAL | {"energy": BOUNDED, "quadratic": BOUNDED}),
     )
 
 
@@ -51,33 +47,10 @@ def _semiexplicit(order: int) -> Method:
         id=f"jayawardana-ohsawa-{order}",
         name=f"semiexplicit method of order {order}, extended phase space with symmetric projection",
         family="semiexplicit",
-        order=order,
-        symmetric=True,
-        symplectic=True,
-        energy=BOUNDED,
-        quadratic=ROUND_OFF,
-        source="Jayawardana & Ohsawa 2023; Ohsawa 2023" + ("" if order == 2 else "; Yoshida 1990"),
-        cite=("jayawardana-ohsawa2023", "ohsawa2023", *(() if order == 2 else ("yoshida1990",))),
-        requires=("canonical",),
-        data=(triple_jump(order),),
-    )
-
-
-def midpoint_method(order: int) -> Method:
-    """Make the record of the explicit method of an even order that sets both copies to their mean after each step."""
-    return Method(
-        id=f"extended-midpoint-{order}",
-        name=f"extended phase space of order {order}, copies projected to their midpoint",
-        family="runge_kutta",
-        order=order,
-        symmetric=False,
-        symplectic=False,
-        energy=DRIFT,
-        quadratic=DRIFT,
-        source="Luo, Wu, Huang & Liu 2017; the abstract of Mei, Wu & Jiang 2025",
-        cite=("luo2017", "mei2025", "yoshida1990"),
-        requires=("canonical",),
-        data=midpoint_tableau(triple_jump(order)),
+        data=lambda: (triple_jump(order),),
+        **_composed(order, "Jayawardana & Ohsawa 2023; Ohsawa 2023", "jayawardana-ohsawa2023", "ohsawa2023"),
+        **SYMPLECTIC,
+        **CANONICAL,
     )
 
 
@@ -88,15 +61,21 @@ METHODS: tuple[Method, ...] = (
         name="Pihajoki's leapfrog, extended phase space with free copies",
         family="extended",
         order=2,
-        symmetric=False,
-        symplectic=False,
-        energy=NONE,
-        quadratic=NONE,
         source="Pihajoki 2015, without mixing",
         cite=("pihajoki2015",),
-        requires=("canonical",),
-        data=(ONE, None),
+        data=lambda: (triple_jump(2), None),
+        **(DRIFTING | CANONICAL | {"energy": NONE, "quadratic": NONE}),
     ),
     *map(_semiexplicit, (2, 4)),
-    midpoint_method(4),
+    Method(
+        id="extended-midpoint-4",
+        name="extended phase space of order 4, copies projected to their midpoint",
+        family="runge_kutta",
+        order=4,
+        source="Luo, Wu, Huang & Liu 2017; the abstract of Mei, Wu & Jiang 2025",
+        cite=("luo2017", "mei2025", "yoshida1990"),
+        data=lambda: midpoint_tableau(triple_jump(4)),
+        **DRIFTING,
+        **CANONICAL,
+    ),
 )

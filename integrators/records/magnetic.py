@@ -6,23 +6,21 @@ potential quadratic; otherwise the energy may drift (Hairer & Lubich 2018).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from phasebench.integrators import coefficients
 from phasebench.integrators.record import NONE, Method
 
-if TYPE_CHECKING:
-    import mpmath
 
-
-def pusher(*, rule: str, fractions: Iterable[mpmath.mpf | int] = (1,), order: int = 2, **facts: Any) -> Method:
-    """Make the record of a symmetric composition of steps over ``fractions`` of h: half a drift, a push, half a drift.
+def pusher(id: str, name: str, rule: str, source: str, cite: tuple[str, ...], order: int = 2, data: Any = ()) -> Method:
+    """Make the record of a symmetric composition of steps over fractions of h: half a drift, a push, half a drift.
 
     A push is half a kick by the electric field, a rotation about B, half a kick; ``rule`` names the rotation: "boris",
-    "higuera-cary" or "exact".  ``facts`` are further fields of the record.
+    "higuera-cary" or "exact".  The one fraction is 1 without ``data``.
     """
     return Method(
+        id=id,
+        name=name,
         family="magnetic",
         order=order,
         symmetric=True,
@@ -30,41 +28,38 @@ def pusher(*, rule: str, fractions: Iterable[mpmath.mpf | int] = (1,), order: in
         volume=True,
         energy=NONE,
         quadratic=NONE,
+        source=source,
+        cite=cite,
         requires=("magnetic",),
-        data=(rule, tuple(fractions)),
-        **facts,
+        data=data or (rule, (1,)),
     )
 
 
+HE = "He, Sun, Liu & Qin's splitting with the exact rotation"
+
 METHODS: tuple[Method, ...] = (
     pusher(
-        id="boris",
-        name="Boris's method for charged particles",
-        source="Boris 1970; drift first, the tangent of the angle not corrected",
-        cite=("boris1970", "qin2013", "hairer-lubich2018"),
-        rule="boris",
+        "boris",
+        "Boris's method for charged particles",
+        "boris",
+        "Boris 1970; drift first, the tangent of the angle not corrected",
+        ("boris1970", "qin2013", "hairer-lubich2018"),
     ),
     pusher(
-        id="higuera-cary",
-        name="the method of Higuera and Cary; Boris's where the particle is not relativistic",
-        source="Higuera & Cary 2017",
-        cite=("higuera-cary2017",),
-        rule="higuera-cary",
+        "higuera-cary",
+        "the method of Higuera and Cary; Boris's where the particle is not relativistic",
+        "higuera-cary",
+        "Higuera & Cary 2017",
+        ("higuera-cary2017",),
     ),
+    pusher("he-splitting-2", f"{HE}, order 2", "exact", "He, Sun, Liu & Qin 2015", ("he2015",)),
     pusher(
-        id="he-splitting-2",
-        name="He, Sun, Liu & Qin's splitting with the exact rotation, order 2",
-        source="He, Sun, Liu & Qin 2015",
-        cite=("he2015",),
-        rule="exact",
-    ),
-    pusher(
-        id="he-splitting-4",
-        name="He, Sun, Liu & Qin's splitting with the exact rotation, order 4",
-        source="He, Sun, Liu & Qin 2015; the triple jump of he-splitting-2",
-        cite=("he2015", "forest-ruth1990"),
-        rule="exact",
-        fractions=coefficients.steps("forest-ruth"),
+        "he-splitting-4",
+        f"{HE}, order 4",
+        "exact",
+        "He, Sun, Liu & Qin 2015; the triple jump of he-splitting-2",
+        ("he2015", "forest-ruth1990"),
         order=4,
+        data=lambda: ("exact", tuple(coefficients.steps("forest-ruth"))),
     ),
 )

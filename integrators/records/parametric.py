@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from phasebench.integrators.coefficients.fractions import SCHEMES, times
+from phasebench.integrators.compile.lazy import mpmath
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
-
-if TYPE_CHECKING:
-    import mpmath
+from phasebench.integrators.record import CONSERVING, ROUND_OFF, SYMPLECTIC, Method
 
 HALF = Fraction(1, 2)
 TALK = "Wang, Bo & Cai (talk)"
@@ -29,20 +27,16 @@ def scheme_i(lam: Fraction | float) -> tuple[int, Fraction | float, Fraction | f
 def scheme_iii(
     lam: Fraction | float, fractions: Iterable[Fraction | mpmath.mpf] = (Fraction(1),)
 ) -> tuple[tuple[Fraction | mpmath.mpf, Fraction | float, Fraction | float], ...]:
-    """Substeps (c, mu, lambda) of Scheme III: Scheme I with 1 - lam, then with lam, each over half of a step.
+    """Substeps of Scheme III, as in `scheme_i`: Scheme I with 1 - lam, then with lam, each over half of a step.
 
-    They are as in `scheme_i`: c is the length as a fraction of the step, mu and lambda say where between the states
-    before and after the substep the field is evaluated.  For a composition there are two such substeps for each of the
-    ``fractions`` of the step.
+    For a composition there are two such substeps for each of the ``fractions`` of the step.
     """
     halves = ((HALF, lam, 1 - lam), (HALF, 1 - lam, lam))
     return tuple((times(f, c), mu, la) for f in fractions for c, mu, la in halves)
 
 
 def equip_rows(
-    signs: tuple[int, ...],
-    fractions: Iterable[Fraction | mpmath.mpf] = (Fraction(1),),
-    alternative: tuple[int, ...] = (),
+    signs: tuple[int, ...], fractions: Iterable[Fraction | mpmath.mpf], alternative: tuple[int, ...]
 ) -> tuple[tuple[Fraction | mpmath.mpf, int, int, int], ...]:
     """Rows (c, sign, group, alternative) of the substeps of the energy-preserving Schemes IV and V.
 
@@ -59,74 +53,72 @@ def equip_rows(
     return tuple(rows)
 
 
-def parameterised_method(
-    *, id: str, name: str, source: str, make: Callable[..., dict[str, Any]], **facts: Any
-) -> Method:
+def parameterised_method(*, make: Callable[..., dict[str, Any]], **facts: Any) -> Method:
     """Make the record of a method with a parameter lam, 1/3 by default.
 
     ``make(lam=...)`` returns the fields that depend on lam, such as the coefficients ``data``; ``facts`` are further
     fields.
     """
     defaults = {"lam": Fraction(1, 3)} | facts.pop("parameters", {})
-    common = {"family": "parametric", "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF}
-    common |= {"symmetric": False, "requires": ("canonical",), "cite": ("wang-talk",)} | facts
-    return Method(
-        id=id, name=name, source=source, parameters=defaults, with_parameters=make, **(common | make(**defaults))
-    )
+    common = SYMPLECTIC | {"family": "parametric", "requires": ("canonical",), "cite": ("wang-talk",)}
+    return Method(parameters=defaults, with_parameters=make, **(common | facts | make(**defaults)))
 
 
 def _generating(order: int, lam: Fraction | float) -> dict[str, Any]:
     if not 1 <= order <= 6:
         raise InvalidInput(f"the generating function is derived for orders 1 to 6, not {order}")
     even = order + 1 if lam == HALF and order % 2 else order
-    facts = {"data": (order, (scheme_i(lam),)), "order": even, "symmetric": lam == HALF}
-    return facts
+    return {"data": (order, (scheme_i(lam),)), "order": even, "symmetric": lam == HALF}
 
 
 def _scheme_iii_composed(scheme: str, order: int) -> Method:
     return parameterised_method(
         id=f"scheme-iii-{scheme}-{order}",
         name=f"Scheme III, {scheme.capitalize()} composition of order {order}",
-        source=f"{TALK}, (21); " + ("Yoshida 1990" if scheme == "yoshida" else "Suzuki 1990"),
-        make=lambda lam: {"data": (1, scheme_iii(lam, SCHEMES[scheme](order)))},
+        source=f"{TALK}, (21); {scheme.capitalize()} 1990",
+        make=lambda lam: {"data": lambda: (1, scheme_iii(lam, SCHEMES[scheme](order)))},
         order=order,
-        symmetric=True,
         cite=("wang-talk", f"{scheme}1990"),
     )
 
 
 def equip_method(
-    *,
-    id: str,
-    name: str,
+    scheme: str,
     signs: tuple[int, ...],
     source: str,
-    fractions: Iterable[Fraction | mpmath.mpf] = (Fraction(1),),
-    order: int = 2,
+    composed: str = "",
     alternative: tuple[int, ...] = (),
-    cite: tuple[str, ...] = ("wang-talk",),
+    **facts: Any,
 ) -> Method:
-    """Make the record of the energy-preserving Scheme IV or V, or of its composition over ``fractions`` of the step.
+    """Make the record of the energy-preserving Scheme IV or V, or of its composition of order 4.
 
     Each fraction of a step has a parameter x, chosen to keep the energy, and a substep for each of the ``signs``, which
-    evaluates the field with the weight lambda = 1/2 + sign x: (1,) for Scheme IV, (-1, 1) for Scheme V.  The signs
-    ``alternative`` are tried if there is no such x (`equip_rows`).
+    evaluates the field with the weight lambda = 1/2 + sign x.  The signs ``alternative`` are tried if there is no such
+    x (`equip_rows`).  The step is composed over fractions that the name ``composed`` has in `SCHEMES`, or is one.
     """
+    common = CONSERVING | {"quadratic": ROUND_OFF, "requires": ("canonical",), "cite": ("wang-talk",), "order": 2}
+    common |= {"id": f"scheme-{scheme}", "name": f"Scheme {scheme.upper()}", "source": source}
     return Method(
-        id=id,
-        name=name,
         family="schemes_iv_v",
-        data=equip_rows(signs, fractions, alternative),
-        order=order,
-        symmetric=True,
-        symplectic=False,
-        energy=ROUND_OFF,
-        quadratic=ROUND_OFF,
-        requires=("canonical",),
-        source=source,
-        cite=cite,
+        data=lambda: equip_rows(signs, SCHEMES[composed](4) if composed else (Fraction(1),), alternative),
+        **(common | facts),
     )
 
+
+def _scheme_iv_v_composed(scheme: str, signs: tuple[int, ...], composed: str, what: str) -> Method:
+    return equip_method(
+        scheme,
+        signs,
+        f"{TALK}; {composed.capitalize()} 1990",
+        composed,
+        id=f"scheme-{scheme}-{composed}-4",
+        name=f"Scheme {scheme.upper()}, {what}",
+        order=4,
+        cite=("wang-talk", f"{composed}1990"),
+    )
+
+
+FOUR, FIVE = (1,), (-1, 1)
 
 METHODS: tuple[Method, ...] = (
     parameterised_method(id="scheme-i", name="Scheme I", source=f"{TALK}, (19)", make=lambda lam: _generating(1, lam)),
@@ -153,39 +145,14 @@ METHODS: tuple[Method, ...] = (
         source=f"{TALK}, (21)",
         make=lambda lam: {"data": (1, scheme_iii(lam))},
         order=2,
-        symmetric=True,
     ),
     *(_scheme_iii_composed(scheme, order) for scheme in ("yoshida", "suzuki") for order in (4, 6)),
-    equip_method(id="scheme-iv", name="Scheme IV", signs=(1,), source=f"{TALK}, (24)"),
-    equip_method(id="scheme-v", name="Scheme V", signs=(-1, 1), source=TALK),
-    equip_method(
-        id="scheme-iv-v",
-        name="Scheme IV, with Scheme V where it has no root",
-        signs=(1,),
-        source="phasebench",
-        alternative=(-1, 1),
-    ),
-    equip_method(
-        id="scheme-v-iv",
-        name="Scheme V, with Scheme IV where it has no root",
-        signs=(-1, 1),
-        source="phasebench",
-        alternative=(1,),
-    ),
-    *(
-        equip_method(
-            id=f"scheme-{id}-{scheme}-4",
-            name=f"Scheme {id.upper()}, {name}",
-            signs=signs,
-            source=f"{TALK}; {scheme.capitalize()} 1990",
-            fractions=SCHEMES[scheme](4),
-            order=4,
-            cite=("wang-talk", f"{scheme}1990"),
-        )
-        for id, signs, scheme, name in (
-            ("iv", (1,), "yoshida", "triple jump"),
-            ("v", (-1, 1), "yoshida", "triple jump"),
-            ("v", (-1, 1), "suzuki", "Suzuki's fractal"),
-        )
-    ),
+    equip_method("iv", FOUR, f"{TALK}, (24)"),
+    equip_method("v", FIVE, TALK),
+    equip_method("iv-v", FOUR, "phasebench", alternative=FIVE, name="Scheme IV, with Scheme V where it has no root"),
+    equip_method("v-iv", FIVE, "phasebench", alternative=FOUR, name="Scheme V, with Scheme IV where it has no root"),
+    _scheme_iv_v_composed("iv", FOUR, "yoshida", "triple jump"),
+    _scheme_iv_v_composed("v", FIVE, "yoshida", "triple jump"),
+    _scheme_iv_v_composed("v", FIVE, "suzuki", "Suzuki's fractal"),
 )
+BY_ID = {m.id: m for m in METHODS}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
+from phasebench.integrators.record import CONSERVING, Method
 
 METHODS: tuple[Method, ...] = tuple(
     Method(
@@ -10,14 +10,11 @@ METHODS: tuple[Method, ...] = tuple(
         name=f"energy-preserving collocation for Poisson systems, s = {s}",
         family="poisson",
         order=2 * s,
-        symmetric=True,
-        symplectic=False,
-        energy=ROUND_OFF,
-        quadratic=BOUNDED,
         source="Cohen & Hairer 2011, section 2",
         cite=("cohen2011", "hairer2010") if s > 1 else ("cohen2011",),
         requires=("Poisson structure",),
         data=(s,),
+        **CONSERVING,
     )
     for s in (1, 2, 3)
 )

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import mpmath
-
 from phasebench.integrators.coefficients import GROUPS, polished_numbers
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.processed import ProcessedTable
-from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
+from phasebench.integrators.compile.lazy import mpmath
+from phasebench.integrators.record import SYMPLECTIC, Method
 
 from .splittings import generalised
 
@@ -71,21 +70,22 @@ def parts_of(table: ProcessedTable) -> tuple[list, list]:
         return table.kernel(numbers), table.pre(numbers)
 
 
-def _record(table: ProcessedTable) -> Method:
+def _data(table: ProcessedTable) -> tuple[tuple, tuple]:
     kernel, pre = map(letters, parts_of(table))
+    return weights(kernel), rows(pre)
+
+
+def _record(table: ProcessedTable) -> Method:
     return Method(
         id=table.name,
         name=f"{table.source}: processed {'composition' if table.gamma else 'splitting'}{generalised(table)}",
         family="processed",
         order=QUADRATIC.get(table.name, table.classical_order),
-        symmetric=False,
-        symplectic=True,
-        energy=BOUNDED,
-        quadratic=ROUND_OFF,
         source=table.source,
         cite=(*table.cite, "blanes-casas-murua2024"),
         requires=("separable", *(("quadratic kinetic energy",) if table.name in QUADRATIC else ())),
-        data=(weights(kernel), rows(pre)),
+        data=lambda: _data(table),
+        **(SYMPLECTIC | {"symmetric": False}),
     )
 
 

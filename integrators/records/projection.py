@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from phasebench.integrators.coefficients.fractions import SCHEMES, times
 from phasebench.integrators.errors import InvalidInput, unknown_name
-from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
+from phasebench.integrators.record import BOUNDED, DRIFT, DRIFTING, ROUND_OFF, Method
 
 from . import classical, collocation, compositions, energy, parametric, splittings, variational
 
@@ -135,29 +135,25 @@ def relaxation_method(base: Method | str, adjust_time: bool = True, **parameters
     )
 
 
-BY_ID = {m.id: m for m in (*classical.METHODS, *parametric.METHODS, *collocation.METHODS)}
-RK4, VERLET, MIDPOINT = BY_ID["rk4"], BY_ID["stormer-verlet"], BY_ID["implicit-midpoint"]
+RK4, VERLET, MIDPOINT = BASES["rk4"], BASES["stormer-verlet"], BASES["implicit-midpoint"]
 SUZUKI = classical.one_stage(
+    (),
     id="suzuki-4",
     name="Stormer-Verlet with Suzuki's fractions of order 4",
-    substeps=tuple((times(f, c), mu, lam) for f in SCHEMES["suzuki"](4) for c, mu, lam in VERLET.data[1]),
     source="Suzuki 1990",
     order=4,
-    symmetric=True,
     cite=("suzuki1990",),
+    data=lambda: (1, tuple((times(f, c), mu, lam) for f in SCHEMES["suzuki"](4) for c, mu, lam in VERLET.data[1])),
 )
 KUTTA_3 = Method(
     id="kutta-3",
     name="Kutta's method of order 3",
     family="runge_kutta",
     order=3,
-    symmetric=False,
-    symplectic=False,
-    energy=DRIFT,
-    quadratic=DRIFT,
     source="Kutta 1901",
     cite=("kutta1901",),
     data=((0, 0, 0), (Fraction(1, 2), 0, 0), (-1, 2, 0), (Fraction(1, 6), Fraction(2, 3), Fraction(1, 6))),
+    **DRIFTING,
 )
 
 METHODS: tuple[Method, ...] = (
@@ -167,9 +163,9 @@ METHODS: tuple[Method, ...] = (
     projection_method(VERLET, symmetric=True),
     projection_method(MIDPOINT, symmetric=True),
     projection_method(MIDPOINT, onto="invariants", symmetric=True),
-    projection_method(BY_ID["scheme-iii"], symmetric=True),
+    projection_method(BASES["scheme-iii"], symmetric=True),
     projection_method(SUZUKI, symmetric=True),
     relaxation_method(RK4),
     relaxation_method(KUTTA_3),
-    relaxation_method(BY_ID["dop853"]),
+    relaxation_method(BASES["dop853"]),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phasebench.integrators.record import BOUNDED, Method
+from phasebench.integrators.record import BOUNDED, SYMPLECTIC, Method
 
 from .compositions import compose
 
@@ -10,38 +10,33 @@ from .compositions import compose
 def rigid(id: str, name: str, scheme: str, source: str, cite: tuple[str, ...], *, symplectic: bool = True) -> Method:
     """Make the record of a symmetric method of order 2 for a rigid body: half a kick, a free motion, half a kick.
 
-    The kicks are those of the body's potential.
-
-    ``scheme`` is the rule for the free body: "axes" (turns about the body's axes 3, 2, 1, 2, 3), "top" (the flow of a
-    symmetric top between turns about an axis), "moser-veselov" (their discrete equations) or "midpoint" (the midpoint
-    rule for the angular momentum).  The other arguments are fields of the record.
+    The kicks are those of the body's potential; ``scheme`` is the rule for the free body: "axes" (turns about the
+    body's axes 3, 2, 1, 2, 3), "top" (the flow of a symmetric top between turns about an axis), "moser-veselov" (their
+    discrete equations) or "midpoint" (the midpoint rule for the angular momentum).
     """
     return Method(
         id=id,
-        name=name,
+        name=f"rigid body: {name}",
         family="rigid",
         order=2,
-        symmetric=True,
-        symplectic=symplectic,
-        energy=BOUNDED,
-        quadratic=BOUNDED,
         source=source,
         cite=cite,
         requires=("rigid body",),
         data=(scheme, (1,)),
+        **(SYMPLECTIC | {"symplectic": symplectic, "quadratic": BOUNDED}),
     )
 
 
 DLM = rigid(
     "rigid-dlm",
-    "rigid body: turns about the axes 3, 2, 1, 2, 3",
+    "turns about the axes 3, 2, 1, 2, 3",
     "axes",
     "Dullweber, Leimkuhler & McLachlan 1997; Miller et al. 2002 in quaternions",
     ("dullweber1997", "miller2002"),
 )
 REICH = rigid(
     "rigid-reich",
-    "rigid body: a symmetric top between turns about the axis that is left",
+    "a symmetric top between turns about the axis that is left",
     "top",
     "Reich 1994; Touma & Wisdom 1994",
     ("reich1994", "touma-wisdom1994"),
@@ -52,14 +47,14 @@ METHODS: tuple[Method, ...] = (
     REICH,
     rigid(
         "moser-veselov",
-        "rigid body: the discrete equations of Moser and Veselov, kicks by the potential around them",
+        "the discrete equations of Moser and Veselov, kicks by the potential around them",
         "moser-veselov",
         "Moser & Veselov 1991; Hairer & Vilmart 2006 in quaternions",
         ("moser-veselov1991", "hairer-vilmart2006"),
     ),
     rigid(
         "lie-midpoint",
-        "rigid body: the midpoint rule for the momentum, and its Cayley transform for the attitude",
+        "the midpoint rule for the momentum, and its Cayley transform for the attitude",
         "midpoint",
         "Austin, Krishnaprasad & Wang 1993",
         ("austin1993",),

@@ -31,11 +31,11 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
-import mpmath
 from numba import types
 
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import mpmath
 from phasebench.integrators.compile.lazy import sympy as sp
 
 if TYPE_CHECKING:

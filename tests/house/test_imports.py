@@ -21,7 +21,7 @@ MAY = {
 }
 #: The subpackages of each folder from the bottom up, levels apart by <: each imports only itself and those before it.
 LEVELS = {
-    "integrators": "errors statuses threads < keywords names < coefficients < record < compile < values < stepping"
+    "integrators": "errors statuses threads < keywords names < record < compile < coefficients < values < stepping"
     " < systems < records < registry < families < request < solution < outcome < prepared < trajectory < driver"
     " < batches < scalar_fallback < crossings < ensemble < section",
     "reference": "files native < installed < solvers < peers < certificates",

@@ -30,6 +30,7 @@ from phasebench.integrators.coefficients.order_conditions import (
     classical_order,
     excess,
     leading_norms,
+    modified_residuals,
     next_degrees,
     residuals,
 )
@@ -69,7 +70,7 @@ def test_every_name_is_of_one_table():
 def errors(table, numbers):
     """(largest residual up to the order, least of the next degree's largest ones) of a table's order conditions."""
     if isinstance(table, force_gradient.ForceGradientTable):
-        *own, beyond = force_gradient.residuals(table.steps(numbers), table.order[0] + 1)
+        *own, beyond = modified_residuals(table.steps(numbers), table.order[0] + 1)
         return max(abs(x) for r in own for x in r), max(abs(x) for x in beyond)
     found = residuals(table.kind, table.steps(numbers), next_degrees(table.order))
     return excess(found, table.order), min(leading_norms(found, table.order))
@@ -96,7 +97,7 @@ def test_control_a_number_off_by_1e_12_is_seen(table):
         moved = list(polished_numbers(table.name))
         moved[k] += ERROR
         if modified:
-            assert max(abs(x) for r in force_gradient.residuals(table.steps(moved), degree) for x in r) > TOLERANCE, k
+            assert max(abs(x) for r in modified_residuals(table.steps(moved), degree) for x in r) > TOLERANCE, k
         else:
             bounds = table.order if processes else (degree,)
             assert excess(residuals(table.kind, table.steps(moved), degree), bounds) > TOLERANCE, k
@@ -336,10 +337,13 @@ def letters(found):
 
 @pytest.mark.parametrize("m", [*splittings.METHODS, *compositions.METHODS], ids=lambda m: m.id)
 def test_the_order_of_a_record_follows_from_its_data(m):
-    if m in splittings.METHODS and m.family == "parametric":
+    table = BY_NAME.get(m.id)
+    if m.family == "force_gradient" or (table and table.printed):
+        return  # the table's own order is tested
+    if table and not table.gamma and m.family == "parametric":
         assert classical_order("splitting", letters(m.data[1])) == m.order
         return
-    if m in splittings.METHODS:
+    if table and not table.gamma:
         a, b = m.data
         parts = [(letter, w) for pair in zip(b, (*a, 0), strict=False) for letter, w in zip("BA", pair, strict=True)]
         assert classical_order("nystrom", parts) == m.order

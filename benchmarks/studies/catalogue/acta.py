@@ -15,9 +15,8 @@ import pandas as pd
 
 from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
-from phasebench.integrators.coefficients import force_gradient
 from phasebench.integrators.coefficients.fractions import DIGITS
-from phasebench.integrators.coefficients.order_conditions import TOLERANCE, next_degrees, residuals
+from phasebench.integrators.coefficients.order_conditions import TOLERANCE, modified_residuals, next_degrees, residuals
 from phasebench.integrators.coefficients.polish import starting_values
 from phasebench.integrators.coefficients.table import Table as Coefficients
 from phasebench.integrators.coefficients.table import is_exact
@@ -55,7 +54,7 @@ def worst_digits(table: Coefficients, numbers: list[mpmath.mpf]) -> tuple[int | 
 def orders(table: Coefficients, numbers: list[mpmath.mpf], processed: bool) -> dict[str, str]:
     """The orders that the order conditions give a method and, if it is processed, its kernel alone."""
     if table.kind == "force-gradient":
-        found = force_gradient.residuals(table.steps(numbers), table.order[0] + 1)
+        found = modified_residuals(table.steps(numbers), table.order[0] + 1)
         wrong = [n for n, r in enumerate(found) if max(map(abs, r)) > TOLERANCE]
         return {"order": as_text((min(wrong, default=len(found)) - 1,))}
     steps = {"order": table.steps(numbers)} | ({"kernel order": table.kernel(numbers)} if processed else {})
