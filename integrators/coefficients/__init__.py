@@ -102,10 +102,7 @@ def describe(name: str) -> dict:
 
 
 def polished_numbers(name: str) -> tuple[mpmath.mpf, ...]:
-    """The numbers of the table ``name`` to 60 digits, which solve its order conditions.
-
-    Their order is that of `Table.published`.  The numbers of a table that is used as printed are those.
-    """
+    """The numbers of the table ``name`` to 60 digits, in the order of `Table.published`, or those printed."""
     with mpmath.workdps(DIGITS):
         if table(name).printed:
             return tuple(map(value, table(name).published))

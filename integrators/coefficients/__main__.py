@@ -13,10 +13,7 @@ from phasebench.integrators.coefficients.polish import entry
 
 
 def main(names: list[str]) -> None:
-    """Polish the tables that are new, edited or in ``names``; write the file; print residuals before and after.
-
-    To polish is to solve the order conditions for the numbers nearest to the published ones.
-    """
+    """Polish the tables that are new, edited or in ``names``; write the file; print residuals before and after."""
     again, kept, data = {table(name).name for name in names}, read_polished(), {}
     for t in BY_NAME.values():
         if t.printed:

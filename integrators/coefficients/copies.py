@@ -18,11 +18,7 @@ from .fractions import DIGITS
 
 
 def lengths_of_a(fractions: Sequence[mpmath.mpf]) -> list[mpmath.mpf]:
-    """The lengths of the substeps A in a composition of steps A B A, in which neighbouring A's are merged.
-
-    A step over the fraction f of h is A over f/2, B over f and A over f/2; ``fractions`` are the f of all steps.
-    Lengths are in units of h, too, and there is one more of them than there are steps.
-    """
+    """The lengths of the substeps A, neighbours merged, of steps A B A over these fractions of h; one more."""
     with mpmath.workdps(DIGITS):
         half = [f / 2 for f in fractions]
         return [x + y for x, y in zip([0, *half], [*half, 0], strict=True)]
@@ -31,10 +27,9 @@ def lengths_of_a(fractions: Sequence[mpmath.mpf]) -> list[mpmath.mpf]:
 def midpoint_tableau(fractions: Sequence[mpmath.mpf]) -> tuple[tuple[mpmath.mpf, ...], ...]:
     """The Runge-Kutta tableau (rows of A, then b) of a method on two copies of the state that ends with their mean.
 
-    A step begins with two equal copies and is composed of steps A B A over ``fractions`` of h (see the module for the
-    substeps A and B).  A substep is a stage: it moves half of the variables of both copies by the field at the other
-    half.  Hence a stage of A depends on the earlier ones of B, and vice versa, with their lengths as coefficients, and
-    its weight in b is half of its length.
+    A step begins with two equal copies.  A substep is a stage: it moves half of the variables of both copies by the
+    field at the other half.  Hence a stage of A depends on the earlier ones of B, and vice versa, with their lengths as
+    coefficients, and its weight in b is half of its length.
     """
     with mpmath.workdps(DIGITS):
         w = [x for pair in zip(lengths_of_a(fractions), [*fractions, 0], strict=True) for x in pair][:-1]

@@ -33,29 +33,22 @@ def hochbruck_lubich(x: mpmath.mpf) -> mpmath.mpf:
     return sinc(x) * (1 + mpmath.sin(x / 2) ** 2 / 3)
 
 
-def rotation(x: mpmath.mpf) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
-    """Return (R11, R12 / h, -R21 h / x^2) = (cos x, sinc x, sinc x) of the exact flow R of an oscillator.
+# -- propagators: (R11, R12 / h, -R21 h / x^2) of the matrix R that maps (q, p) over the step h, with x = h omega
 
-    R is the matrix that maps (q, p) over the step h, and x = h omega.
-    """
+
+def rotation(x: mpmath.mpf) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
+    """The propagator of the exact flow of an oscillator."""
     return mpmath.cos(x), sinc(x), sinc(x)
 
 
 def cayley(x: mpmath.mpf) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
-    """Return (R11, R12 / h, -R21 h / x^2) of an oscillator's step R by the implicit midpoint rule.
-
-    R is the matrix that maps (q, p) over the step h, and x = h omega.
-    """
+    """The propagator of the implicit midpoint rule."""
     d = 1 + x**2 / 4
     return (1 - x**2 / 4) / d, 1 / d, 1 / d
 
 
 def verlet_power(x: mpmath.mpf, n: int) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
-    """Return (R11, R12 / h, -R21 h / x^2) of n Stormer-Verlet steps R (kick-drift-kick) of an oscillator.
-
-    R is the matrix that maps (q, p) by n steps of length h / n, and x = h omega.  The numbers follow from the Chebyshev
-    polynomials T_n and U_(n-1) at 1 - (x/n)^2 / 2.
-    """
+    """The propagator of n Stormer-Verlet steps of h / n: Chebyshev polynomials T_n and U_(n-1) at 1 - (x/n)^2 / 2."""
     z = (x / n) ** 2
     c = 1 - z / 2
     u = mpmath.chebyu(n - 1, c) / n

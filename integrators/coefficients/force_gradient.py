@@ -13,7 +13,6 @@ S. A. Chin, C. R. Chen, J. Chem. Phys. 117 (2002) 1409-1415; I. P. Omelyan, I. M
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -44,20 +43,12 @@ class ForceGradientTable(Table):
 
     c: tuple[str, ...] = ()
     hessian_free: bool = False
+    USED = ("order", "a", "b", "c", "first", "hessian_free")
 
     @property
     def published(self) -> tuple[str, ...]:
         """Every published number as text: a, b, and then c."""
         return self.a + self.b + self.c
-
-    @property
-    def digest(self) -> str:
-        """A hash of the published numbers and of the fields that say how they are used.
-
-        Numbers refined to more digits are stored with it, and are used only as long as the table still has this hash.
-        """
-        used = self.order, self.a, self.b, self.c, self.first, self.hessian_free
-        return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
 
     def steps(self, numbers: Sequence[mpmath.mpf]) -> list[Substep]:
         """All substeps, drifts ("A", a, 0) and modified kicks ("B", b, c), from numbers in the order of `published`."""
@@ -84,5 +75,5 @@ class ForceGradientTable(Table):
         return np.append(found, mpmath.fsum(c * c / b for letter, b, c in steps if letter == "B"))
 
     def excess(self, numbers: Sequence[mpmath.mpf]) -> mpmath.mpf:
-        """The largest residual of the order conditions at ``numbers``, in absolute value."""
+        """The largest residual at ``numbers``, in absolute value."""
         return max(map(abs, self.residual(numbers)))

@@ -65,11 +65,9 @@ NONE = 1e-50
 def substeps(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, ...]:
     """Write alternating drifts ("A") and kicks ("B") as substeps (c, mu, lambda) of the two symplectic Euler methods.
 
-    ``steps`` are pairs (letter, weight).  A substep has the length c h and evaluates the field at (q + mu (Q - q),
-    p + lambda (P - p)), where (q, p) is the state before it and (Q, P) the state after it; if it begins with a drift,
-    (mu, lambda) = (1, 0), if with a kick, (0, 1).  The weight of a drift or kick is shared by two neighbouring
-    substeps, so that each c is a weight minus the c before it.  Raises ValueError if drifts and kicks do not have the
-    same sum.
+    ``steps`` are pairs (letter, weight), a substep is as in `records.classical.one_stage`: (mu, lambda) = (1, 0) if it
+    begins with a drift, (0, 1) if with a kick.  The weight of a drift or kick is shared by two neighbouring substeps,
+    so that each c is a weight minus the c before it.  Raises ValueError if drifts and kicks differ in their sums.
     """
     out, c = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):

@@ -36,10 +36,7 @@ DIGITS = 60
 
 
 class Multistep(NamedTuple):
-    """The coefficients of a multistep method: alpha_0, ..., alpha_k, and the numerators of beta_0, ..., beta_k.
-
-    The numerators have the common ``denominator``.
-    """
+    """The coefficients alpha_0, ..., alpha_k of a multistep method, and numerators and denominator of the beta_j."""
 
     alpha: tuple[int, ...]
     numerators: tuple[int, ...]
@@ -47,20 +44,17 @@ class Multistep(NamedTuple):
 
     @property
     def rho(self) -> Polynomial:
-        """The coefficients alpha_0, ..., alpha_k of the polynomial rho(z), lowest power first."""
+        """The coefficients of the polynomial rho(z), lowest power first."""
         return tuple(map(Fraction, self.alpha))
 
     @property
     def sigma(self) -> Polynomial:
-        """The coefficients beta_0, ..., beta_k of the polynomial sigma(z), lowest power first."""
+        """The coefficients of the polynomial sigma(z), lowest power first."""
         return tuple(Fraction(x, self.denominator) for x in self.numerators)
 
 
 def symmetric(alpha: Sequence[int], numerators: Sequence[int], denominator: int) -> Multistep:
-    """Make a symmetric multistep method; alpha and beta are palindromes, given by their first halves with the middle.
-
-    ``numerators`` are those of the beta_j, whose common denominator is ``denominator``.
-    """
+    """Make a symmetric multistep method; alpha and beta are given by their first halves with the middle."""
     return Multistep(mirror(alpha), mirror(numerators), denominator)
 
 
@@ -91,10 +85,7 @@ QUINLAN_TREMAINE = {
 
 
 def order(rho: Polynomial, sigma: Polynomial) -> int:
-    """The order for x'' = f(x) of the method with these coefficients: the largest p that the order conditions allow.
-
-    The coefficients of rho and sigma are listed lowest power first; the order is -2 if no condition holds.
-    """
+    """The largest p for which the order conditions hold; -2 if none does.  Coefficients stand lowest power first."""
     r = 0
     while _condition(rho, sigma, r) == 0:
         r += 1
@@ -221,10 +212,7 @@ def _value(p: Sequence, x: mpmath.mpf) -> mpmath.mpf:
 
 
 def stable_intervals(table: Multistep) -> list[tuple[float, float]]:
-    """All intervals (begin, end) of H = h omega in which the method ``table`` is stable on an oscillator, in order.
-
-    There the roots of rho + H^2 sigma are simple and of modulus 1.
-    """
+    """All intervals (begin, end) of H = h omega in which the method ``table`` is stable on an oscillator, in order."""
     A, B = in_cosine(table.rho), in_cosine(table.sigma)
     meeting = [x - y for x, y in zip(_product(_derivative(A), [*B, 0]), _product([*A, 0], _derivative(B)), strict=True)]
     with mpmath.workdps(DIGITS):
@@ -248,10 +236,7 @@ def _ratio(A: Sequence, B: Sequence, c: mpmath.mpf) -> mpmath.mpf:
 
 
 def _stable(A: Polynomial, B: Polynomial, square: mpmath.mpf) -> bool:
-    """True if the polynomial A + H^2 B has as many different roots in (-1, 1) as its degree.
-
-    A and B are rho and sigma as polynomials in (z + 1/z) / 2, as from `in_cosine`; ``square`` is H^2.
-    """
+    """True if the polynomial A + H^2 B, of A and B from `in_cosine`, has as many roots in (-1, 1) as its degree."""
     numbers = [
         mpmath.mpf(a.numerator) / a.denominator + square * mpmath.mpf(b.numerator) / b.denominator
         for a, b in zip(A, B, strict=True)

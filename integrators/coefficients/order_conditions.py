@@ -50,10 +50,7 @@ def _numbers(n: int, k: int) -> np.ndarray:
 
 
 def _times_exponential(letter: str, a: mpmath.mpf, series: Residuals) -> Residuals:
-    """Multiply a series from the left by exp(a letter), with the letter "A" or "B"; return the product.
-
-    A series maps (n, k) to the coefficients of the words of n letters, k of them B, in the order of `_numbers`.
-    """
+    """The series from the left times exp(a letter): (n, k) -> coefficients of the words in the order of `_numbers`."""
     out = {key: x.copy() for key, x in series.items()}
     for n, k in out:
         factor = mpmath.mpf(1)
@@ -68,11 +65,7 @@ def _times_exponential(letter: str, a: mpmath.mpf, series: Residuals) -> Residua
 
 
 def _blocks(steps: Iterable[tuple[str, mpmath.mpf]], degrees: Sequence[int]) -> Residuals:
-    """Coefficients of a step minus those of the exact flow, as in `words`, by (n, k): words of n letters, k of them B.
-
-    ``degrees`` says which words are included: those of at most degrees[0] letters if one or none of them is B, of at
-    most degrees[1] if two are, and so on; the last entry holds for all higher numbers.
-    """
+    """Coefficients of a step minus the exact flow's, by (n, k): words of n letters, k of them B, n <= `_limit`."""
     keys = [(n, k) for n in range(max(degrees) + 1) for k in range(n + 1) if n <= _limit(degrees, k)]
     series = {(n, k): np.full(comb(n, k), mpmath.mpf(n == 0), dtype=object) for n, k in keys}
     for letter, a in reversed(list(steps)):
@@ -81,11 +74,7 @@ def _blocks(steps: Iterable[tuple[str, mpmath.mpf]], degrees: Sequence[int]) -> 
 
 
 def words(steps: Iterable[tuple[str, mpmath.mpf]], degree: int) -> list[np.ndarray]:
-    """Coefficients of a splitting's step minus those of exp(A + B): for each degree n an array (2^n,) over words.
-
-    ``steps`` are pairs (letter, weight), of which the step is the product of exponentials.  A word is a product of n
-    letters A and B; its index is the binary number with a digit 1 for each B.
-    """
+    """Coefficients of a splitting's step minus those of exp(A + B): for each degree n an array (2^n,) over words."""
     every = [np.empty(2**n, dtype=object) for n in range(degree + 1)]
     for (n, k), x in _blocks(steps, (degree,)).items():
         every[n][_numbers(n, k)] = x
@@ -108,10 +97,7 @@ def _reductions(n: int) -> tuple[tuple[int, int, int, int], ...]:
 
 
 def normal_form(residual: np.ndarray) -> np.ndarray:
-    """Reduce the coefficients of all words of n letters, array (2^n,), by the relation [B, [B, [B, A]]] = 0.
-
-    Returns the coefficients of the words without BBBA; the relation expresses every other word by these.
-    """
+    """The coefficients of the words without BBBA, by which [B, [B, [B, A]]] = 0 expresses all, from those of all."""
     out = residual.copy()
     reductions = _reductions(len(out).bit_length() - 1)
     for word, bbab, babb, abbb in reductions:
@@ -126,10 +112,6 @@ def normal_form(residual: np.ndarray) -> np.ndarray:
 
 
 def _times_kick(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
-    """Multiply a series S from the left by exp(b B + c C), a modified kick, with C = [B, [A, B]]; return the product.
-
-    ``series`` has the coefficients of S as in `_times_drift`.
-    """
     out, term = [x.copy() for x in series], series
     for k in range(1, len(series)):
         term = _times_generator(b / k, c / k, term)
@@ -138,10 +120,7 @@ def _times_kick(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[
 
 
 def _times_generator(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
-    """Multiply a series S from the left by b B + c C, with C = 2 BAB - BBA - ABB; return the product.
-
-    ``series`` has the coefficients of S as in `_times_drift`.
-    """
+    """The series, as in `words`, from the left times b B + c C, with C = 2 BAB - BBA - ABB."""
     out = [x * 0 for x in series]
     for n in range(1, len(series)):
         out[n][2 ** (n - 1) :] = series[n - 1] * b
@@ -153,11 +132,6 @@ def _times_generator(b: mpmath.mpf, c: mpmath.mpf, series: list[np.ndarray]) -> 
 
 
 def _times_drift(a: mpmath.mpf, series: list[np.ndarray]) -> list[np.ndarray]:
-    """Multiply a series S from the left by exp(a A), a drift; return the product.
-
-    Item n of ``series`` is an array (2^n,): the coefficients in S of all words (products) of n letters A, B.  Words
-    that begin with A stand in the first half.
-    """
     out = [x.copy() for x in series]
     for n in range(1, len(series)):
         factor = mpmath.mpf(1)
@@ -192,12 +166,7 @@ def odd_words(weight: int) -> tuple[tuple[int, ...], ...]:
 
 
 def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarray]:
-    """The error coefficients of a composition of a symmetric method, for products (words) of Y_1, Y_3, Y_5 and so on.
-
-    They are the composition's coefficients minus the exact flow's.  ``fractions`` are the lengths of the composed steps
-    in units of h.  Returns an array over the words `odd_words(n)`, whose indices add up to n, for each n = 0, ...,
-    ``weight``.
-    """
+    """A composition's coefficients minus the exact flow's: for n = 0, ..., ``weight`` an array over `odd_words(n)`."""
     every = [w for n in range(weight + 1) for w in odd_words(n)]
     inverse = [1 / mpmath.factorial(k) for k in range(weight + 1)]
     series = {w: mpmath.mpf(not w) for w in every}
@@ -213,10 +182,7 @@ def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarr
 
 
 def _limit(degrees: Sequence[int], k: int) -> int:
-    """Return the largest degree of the words with the power k of eps.
-
-    ``degrees`` has an entry for each power 1, 2, ...; the last one holds for all higher powers, the first for 0, too.
-    """
+    """The largest degree at the power k of eps: the last entry holds for higher powers, the first for 0, too."""
     return degrees[min(max(k, 1), len(degrees)) - 1]
 
 
@@ -251,34 +217,23 @@ def next_degrees(order: Sequence[int]) -> tuple[int, ...]:
 
 
 def norm(residual: Iterable) -> mpmath.mpf:
-    """The 2-norm of the numbers of a residual, in full precision."""
+    """The 2-norm, in full precision."""
     with mpmath.workdps(DIGITS):
         return mpmath.sqrt(mpmath.fsum(x * x for x in residual))
 
 
 def conditions(errors: Residuals, order: Sequence[int]) -> list[Key]:
-    """The keys of those residuals that are zero for a method of the given order: its order conditions.
-
-    ``errors`` is a dict from `residuals`, with keys (degree, power of eps); ``order`` is (p,), or (p_1, p_2, ...) with
-    an entry for each power of eps.
-    """
+    """The keys of those residuals, from `residuals`, that are zero for a method of an order (p,) or (p_1, p_2, ...)."""
     return [(n, k) for n, k in errors if n <= _limit(order, k)]
 
 
 def excess(errors: Residuals, order: Sequence[int]) -> mpmath.mpf:
-    """The largest residual, in absolute value, of the order conditions: those that are zero if the order is ``order``.
-
-    ``errors`` are from `residuals`; ``order`` is (p,), or (p_1, p_2, ...), an entry for each power of a small
-    perturbation.
-    """
+    """The largest residual, in absolute value, of the `conditions` of an order."""
     return max(abs(x) for key in conditions(errors, order) for x in errors[key])
 
 
 def leading_norms(errors: Residuals, order: Sequence[int]) -> tuple[mpmath.mpf, ...]:
-    """The 2-norms of the first residuals beyond an order: one for (p,), one for each power of eps for (p_1, p_2, ...).
-
-    ``errors`` are from `residuals`.
-    """
+    """The 2-norms of the first residuals beyond an order: of (p,), or of each power of eps of (p_1, p_2, ...)."""
     if len(order) == 1:
         return (norm(errors[order[0] + 1, 0]),)
     return tuple(norm(errors[p + 1, k]) for k, p in enumerate(order, 1))

@@ -44,10 +44,7 @@ def starting_values(table: Table, replaced: dict[int, str] | None = None) -> lis
 
 
 def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -> np.ndarray:
-    """The matrix of derivatives of the order conditions' residuals at ``numbers``, by central differences.
-
-    Its columns are for the numbers with the indices ``free``.
-    """
+    """Derivatives of the residuals by the numbers with the indices ``free``, a column each, by central differences."""
     columns = []
     for k in free:
         above, below = list(numbers), list(numbers)
@@ -57,10 +54,7 @@ def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -
 
 
 def independent_rows(J: np.ndarray) -> list[int]:
-    """Choose independent rows of a matrix (n, m) that span all its rows, by Gram-Schmidt with the largest row first.
-
-    Returns their indices.
-    """
+    """Indices of independent rows of J that span all its rows, by Gram-Schmidt with the largest row first."""
     rows: list[int] = []
     left, largest = J, None
     while len(rows) < J.shape[1]:
@@ -106,10 +100,7 @@ def polish(table: Table, numbers: Sequence[mpmath.mpf] | None = None) -> list[mp
 
 
 def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf]:
-    """Find the number, perhaps misprinted, whose correction reduces the residuals most: (its index, corrected value).
-
-    For each number the least-squares correction is computed; the one that leaves the least residual is returned.
-    """
+    """The number, perhaps misprinted, whose least-squares correction leaves the least residual: (index, new value)."""
     with mpmath.workdps(DIGITS + GUARD):
         r = table.residual(numbers)
         J = jacobian(table, numbers, range(len(numbers))).astype(float)
@@ -122,11 +113,7 @@ def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf
 
 
 def entry(table: Table) -> dict:
-    """The entry of a table for ``polished.json``, a dict of texts: polished numbers, and facts about them.
-
-    The facts are the table's digest, the largest residual of the order conditions before and after, and the largest
-    change of a number.
-    """
+    """The entry of a table for ``polished.json``: what `coefficients.describe` returns."""
     before, after = starting_values(table), polish(table)
     with mpmath.workdps(DIGITS):
         texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]

@@ -18,7 +18,6 @@ collected in S. Blanes, F. Casas, A. Murua, Acta Numerica 33 (2024) 1-161, table
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -50,26 +49,15 @@ class ProcessedTable(Table):
     processor: tuple[str, ...] = ()
     palindromic: bool = True
     symmetric: bool = False
+    USED = ("kind", "order", "gamma", "repeat", "a", "b", "first", "palindromic", "processor")
 
     @property
     def published(self) -> tuple[str, ...]:
         """Every published number: the kernel's, then the processor's."""
         return tuple(x for x in (*self.gamma, *self.a, *self.b, *self.processor) if x != IMPLIED)
 
-    @property
-    def digest(self) -> str:
-        """A hash of the published numbers and of the fields that say how they are used.
-
-        Polished numbers are stored with it; they count as those of this table if it has not changed.
-        """
-        kernel = self.kind, self.order, self.gamma, self.repeat, self.a, self.b, self.first, self.palindromic
-        return hashlib.sha256(repr((*kernel, self.processor)).encode()).hexdigest()[:16]
-
     def _parts(self, numbers: Sequence[mpmath.mpf]) -> dict[str, list[mpmath.mpf]]:
-        """Divide ``numbers``, as in `published`, into lists for "gamma", "a", "b" and "processor", and complete these.
-
-        A number that is not published follows from the sum over the substeps, 1 for the kernel and 0 for the processor.
-        """
+        """Divide ``numbers``, as in `published`, into "gamma", "a", "b" and "processor", and complete these."""
         left, parts = list(numbers), {}
         for part in ("gamma", "a", "b", "processor"):
             texts = getattr(self, part)
@@ -102,7 +90,7 @@ class ProcessedTable(Table):
         return steps if self.palindromic else steps[: (len(steps) + 1) // 2]
 
     def pre(self, numbers: Sequence[mpmath.mpf]) -> list:
-        """All substeps of the processor, fractions or pairs (letter, weight), in the order in which they act."""
+        """All substeps of the processor, likewise, in the order in which they act."""
         found = self._parts(numbers)["processor"]
         if self.gamma:
             return found + [-g for g in found]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from phasebench.integrators.compile.lazy import mpmath
 
@@ -49,6 +49,8 @@ class Table:
     symmetric: bool = True
     good: int | None = None
     printed: bool = False
+    #: The fields that determine the numbers.
+    USED: ClassVar[tuple[str, ...]] = ("kind", "order", "gamma", "a", "b", "first", "symmetric")
 
     @property
     def published(self) -> tuple[str, ...]:
@@ -57,17 +59,13 @@ class Table:
 
     @property
     def digest(self) -> str:
-        """A hash of the published numbers and of the fields that say how they are used.
-
-        Polished numbers (refined to many digits) are stored with the hash of their table, and no longer count if the
-        table's hash has changed.
-        """
-        used = (self.kind, self.order, self.gamma, self.a, self.b, self.first, self.symmetric)
+        """A hash of the published numbers and of how they are used; polished numbers count while it is the same."""
+        used = tuple(getattr(self, name) for name in self.USED)
         return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
 
     @property
     def classical_order(self) -> int:
-        """The order of the method for a system without a small parameter."""
+        """The order for a system without a small parameter."""
         return self.order[-1]
 
     @property

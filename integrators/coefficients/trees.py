@@ -38,10 +38,7 @@ def density(tree: tuple) -> tuple[int, int]:
 
 
 def order_residual(A: np.ndarray, b: np.ndarray, orders: Iterable[int]) -> mpmath.mpf:
-    """Largest residual of the order conditions of a Runge-Kutta method with arrays A (s, s), b (s,).
-
-    The conditions are those of all rooted trees whose numbers of vertices are in ``orders``.
-    """
+    """Largest residual of a Runge-Kutta method's conditions of all rooted trees with ``orders`` vertices."""
     known = {}
 
     def weights(tree: tuple) -> np.ndarray:

@@ -21,20 +21,14 @@ QUADRATIC = {"blanes-casas-ros-p2": 4, "blanes-casas-ros-p4": 6}
 
 
 def letters(steps: Iterable) -> list[tuple[str, mpmath.mpf]]:
-    """Write substeps as pairs (letter, weight), "A" for drifts and "B" for kicks.
-
-    A pair stays as it is; a fraction g is a step of Stormer-Verlet: a kick of g/2, a drift of g, a kick of g/2.
-    """
+    """Substeps as pairs (letter, weight): a fraction g is a kick of g/2, a drift of g, a kick of g/2."""
     with mpmath.workdps(DIGITS):
         parts = [[x] if isinstance(x, tuple) else [("B", x / 2), ("A", x), ("B", x / 2)] for x in steps]
     return [x for part in parts for x in part]
 
 
 def rows(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
-    """Group pairs (letter, weight) into rows (weight of a drift, weight of the kick after it).
-
-    Neighbouring pairs of the same letter are merged; the first drift is zero if the sequence begins with a kick.
-    """
+    """Group pairs (letter, weight) into rows (drift, the kick after it), neighbours of the same letter merged."""
     out = []
     with mpmath.workdps(DIGITS):
         for letter, weight in steps:
@@ -50,10 +44,7 @@ def rows(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple[mpmath.mpf, mpm
 
 
 def weights(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, tuple]:
-    """Divide substeps (letter, weight) into the weights (a, b) of drifts "A" and of kicks "B", in alternating order.
-
-    Kick b_k comes before drift a_k; b_0 is 0 if the sequence begins with a drift.
-    """
+    """The weights (a, b) of drifts and kicks as in `splittings.weights`, from pairs (letter, weight)."""
     drifts, kicks = zip(*rows(steps), strict=True)
     if drifts[0] == 0:
         return drifts[1:], kicks
@@ -61,10 +52,7 @@ def weights(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, tuple]:
 
 
 def parts_of(table: ProcessedTable) -> tuple[list, list]:
-    """The substeps of a table's kernel and of its processor, to 60 digits, in units of h.
-
-    They are fractions for a composition, or pairs (letter, weight) for a splitting, "A" for drifts and "B" for kicks.
-    """
+    """The substeps of a table's kernel and of its processor, to 60 digits: fractions, or pairs (letter, weight)."""
     with mpmath.workdps(DIGITS):
         numbers = polished_numbers(table.name)
         return table.kernel(numbers), table.pre(numbers)

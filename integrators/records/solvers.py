@@ -19,12 +19,7 @@ SOLVERS = (BANDED,)
 def with_solver(base: Method, solver: str) -> Method:
     """Return the method ``base`` with another solver of its stage equations; ``solver`` becomes one of its parameters.
 
-    The one solver that can be named is "banded": Newton's method for equations whose Jacobian has a narrow band.
-
-    Raises
-    ------
-    InvalidInput
-        For an unknown solver, or a method that is not of one stage.
+    Raises InvalidInput for an unknown solver, or a method that is not of one stage.
     """
     if solver not in SOLVERS:
         raise InvalidInput(f"the solver is {solver!r}; it must be {' or '.join(SOLVERS)}, or be left out")
@@ -35,11 +30,7 @@ def with_solver(base: Method, solver: str) -> Method:
         raise InvalidInput(f"'{base.id}' has no banded solver; {families} have one, such as implicit-midpoint")
 
     def again(solver: str, **values: Value) -> dict:
-        return facts(with_solver(base(**values), solver))
+        made = with_solver(base(**values), solver)
+        return {"data": made.data, "order": made.order, "symmetric": made.symmetric}
 
     return replace(base, family="banded", parameters=dict(base.parameters) | {"solver": solver}, with_parameters=again)
-
-
-def facts(record: Method) -> dict:
-    """Return those fields of a record that depend on its parameters' values: a dict of data, order and symmetric."""
-    return {name: getattr(record, name) for name in ("data", "order", "symmetric")}
