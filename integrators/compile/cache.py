@@ -50,7 +50,7 @@ _logged: list[Exception] = []
 
 
 def root() -> Path | None:
-    """Return the cache folder that holds the entries of all versions, or None if the platform names none."""
+    """The cache folder that holds the entries of all versions; None if the platform names none."""
     try:
         place = os.environ.get("PHASEBENCH_CACHE")
         if place:
@@ -64,10 +64,10 @@ def root() -> Path | None:
 
 @lru_cache(maxsize=1)
 def version() -> str:
-    """Return the name of this version's subfolder, which is the hash of what compiles its entries."""
-    from importlib.metadata import version
+    """The name of this version's subfolder, which is the hash of what compiles its entries."""
+    from importlib import metadata
 
-    packages = [version(name) for name in ("llvmlite", "mpmath", "numba", "numpy", "sympy")]
+    packages = [metadata.version(name) for name in ("llvmlite", "mpmath", "numba", "numpy", "sympy")]
     facts = repr([sys.version, platform.machine(), *packages, *_processor_settings(), _overloads()])
     return f"py{sys.version_info[0]}{sys.version_info[1]}-{hashlib.sha256(facts.encode()).hexdigest()[:16]}"
 
@@ -92,7 +92,7 @@ def _overloads() -> str:
 
 
 def _processor_settings() -> list[str]:
-    """Return the processor that Numba compiles for, and those of Numba's settings that change the code."""
+    """The processor that Numba compiles for, and those of Numba's settings that change the code."""
     from llvmlite import binding
     from numba import config
 
@@ -100,26 +100,18 @@ def _processor_settings() -> list[str]:
     features = config.CPU_FEATURES
     if features is None:
         features = binding.get_host_cpu_features().flatten()
-    settings = (
-        "OPT",
-        "LOOP_VECTORIZE",
-        "SLP_VECTORIZE",
-        "ENABLE_AVX",
-        "USING_SVML",
-        "BOUNDSCHECK",
-        "DEBUGINFO_DEFAULT",
-    )
-    return [name, features, *(f"{s}={getattr(config, s, None)}" for s in settings)]
+    settings = "OPT LOOP_VECTORIZE SLP_VECTORIZE ENABLE_AVX USING_SVML BOUNDSCHECK DEBUGINFO_DEFAULT"
+    return [name, features, *(f"{s}={getattr(config, s, None)}" for s in settings.split())]
 
 
 def folder() -> Path | None:
-    """Return the subfolder of this version, which may not exist yet, or None if there is no folder for caches."""
+    """The subfolder of this version, which may not exist yet; None if there is no folder for caches."""
     place = root()
     return None if place is None else place / version()
 
 
 def read(name: str) -> bytes | None:
-    """Return the content of the cache entry ``name``, or None if there is none; a damaged entry is removed."""
+    """The content of the cache entry ``name``, or None if there is none; a damaged entry is removed."""
     place = folder()
     if place is None:
         return None
@@ -169,7 +161,6 @@ def forget(name: str) -> None:
 
 
 def _remove(path: Path) -> None:
-    """Remove a file or a folder, if it exists."""
     with suppress(OSError):
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
@@ -181,15 +172,14 @@ def _remove(path: Path) -> None:
 
 
 def seal_of(name: str) -> str:
-    """Return the name, in the cache, of the seal of the folder ``name``: a file with the hash of the folder's files."""
+    """The name, in the cache, of the seal of the folder ``name``: a file with the hash of the folder's files."""
     return f"{name}/{SEAL}"
 
 
 def source_of(name: str) -> tuple[Path | None, bool]:
-    """Return (the empty source file beside which Numba keeps machine code, True if its folder is complete and intact).
+    """(The empty source file beside which Numba keeps machine code, or None; True if its folder is intact).
 
-    The folder is the entry ``name`` of the cache; it is emptied if damaged.  The file is None if the cache cannot be
-    written.
+    The folder is the entry ``name`` of the cache; it is emptied if damaged.
     """
     place = folder()
     try:
@@ -212,7 +202,6 @@ def source_of(name: str) -> tuple[Path | None, bool]:
 
 
 def _is_sealed(home: Path) -> bool:
-    """True if a folder of machine code is complete and unchanged, by the hash stored in its file `SEAL`."""
     try:
         return (home / SEAL).read_bytes() == _content(home).encode()
     except OSError:
@@ -220,7 +209,7 @@ def _is_sealed(home: Path) -> bool:
 
 
 def seal(name: str) -> None:
-    """Mark a folder of machine code as complete, by a file with its hash; a failure is logged once in a process."""
+    """Mark a folder of machine code as complete, by a file with its hash."""
     home = folder() / name
     try:
         if not (home / SEAL).exists():
@@ -231,7 +220,6 @@ def seal(name: str) -> None:
 
 
 def _content(home: Path) -> str:
-    """Return the hash of the names and contents of a folder's files."""
     digest = hashlib.sha256(home.name.encode())
     for path in sorted(p for p in home.glob("**/*") if p.is_file() and not p.name.startswith(SEAL)):
         content = path.read_bytes()
@@ -258,10 +246,9 @@ def hold_lock(name: str) -> Iterator[None]:
 
 
 def _acquire_lock(lock: Path, entry: Path) -> Callable[[], None]:
-    """Lock the file ``lock``, after waiting for another process that holds it; return the function that unlocks it.
+    """Lock the file ``lock``; return the function that unlocks it, which does nothing where the wait was in vain.
 
-    The wait ends without the lock if the file ``entry`` appears, which the other process makes, or after
-    `LOCK_TIMEOUT`.  Then, and where locks do not work, the returned function does nothing.
+    The wait for another process ends if the file ``entry`` appears, which that process makes, or after `LOCK_TIMEOUT`.
     """
     try:
         import fcntl
@@ -291,18 +278,17 @@ def _acquire_lock(lock: Path, entry: Path) -> Callable[[], None]:
 
 @lru_cache(maxsize=4096)
 def _note_use(place: Path) -> None:
-    """Set the modification time of a subfolder or an entry to now, once in a process, as the time of its last use."""
+    """Set a modification time, as the time of the last use, once in a process."""
     with suppress(OSError):
         os.utime(place)
 
 
 def _seal(name: str, content: bytes) -> bytes:
-    """Return the hash of name and content with which an entry begins."""
     return hashlib.sha256(name.encode() + b"\n" + content).hexdigest().encode()
 
 
 def log_once(error: Exception) -> None:
-    """Log that the cache cannot be written, the first time that this happens in the process."""
+    """Log that the cache cannot be written, once in a process."""
     if not _logged:
         _logged.append(error)
         _log.warning("nothing is kept in the cache, so that every process compiles anew: %s", error)
@@ -319,7 +305,7 @@ def versions() -> Iterator[Path]:
 
 
 def size(place: Path) -> tuple[int, int]:
-    """Return the number of entries in a subfolder and their size in bytes."""
+    """The number of entries in a subfolder and their size in bytes."""
     sizes = [s for _, s, _ in _entries(place)]
     return len(sizes), sum(sizes)
 
@@ -331,7 +317,7 @@ def clear() -> None:
 
 
 def _entries(place: Path) -> list[tuple[float, int, Path]]:
-    """Return (modification time, bytes, path) of each entry, oldest first; files that vanish meanwhile are left out."""
+    """(Modification time, bytes, path) of each entry, oldest first; files that vanish meanwhile are left out."""
     entries = []
     with suppress(OSError):
         for path in place.iterdir():
@@ -366,12 +352,10 @@ def evict() -> None:
 
 @lru_cache(maxsize=1)
 def _evict_once() -> None:
-    """Shrink the cache folder by `evict`, once in a process."""
     evict()
 
 
 def _last_used(place: Path) -> float:
-    """Return the time at which a process last read or wrote in the subfolder; 0 if that is unknown."""
     with suppress(OSError):
         return place.stat().st_mtime
     return 0.0

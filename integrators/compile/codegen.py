@@ -46,23 +46,22 @@ def compiled() -> bool:
 
 
 def value_kind(d: int, arrays: bool = False) -> str:
-    """Return "tuple" or "array", the kind of a compiled state of d components; ``arrays`` forces arrays."""
+    """The kind of a compiled state of d components, "tuple" or "array"; ``arrays`` forces arrays."""
     return "array" if arrays or d > TUPLE_LIMIT else "tuple"
 
 
 def value_type(d: int, arrays: bool = False) -> types.Type:
-    """Return the Numba type of a compiled state of d components; ``arrays`` forces arrays."""
+    """The Numba type of a compiled state of d components; ``arrays`` forces arrays."""
     tuples = value_kind(d, arrays) == "tuple"
     return types.UniTuple(types.float64, d) if tuples else types.Array(types.float64, 1, "C")
 
 
 def options(d: int) -> dict:
-    """Return the Numba options for functions of states of d components, as keyword arguments of `numba.njit`."""
+    """The options of `numba.njit` for functions of states of d components."""
     return TUPLES if value_kind(d) == "tuple" else ARRAYS
 
 
 def _kind_of(signature: Signature) -> str:
-    """Return "array" if a function of this signature takes vectors as arrays, else "tuple"."""
     return "array" if any(isinstance(t, types.Array) and t.ndim == 1 for t in signature.args) else "tuple"
 
 
@@ -76,10 +75,7 @@ CONSTRUCTORS = {
 
 
 def _finish(text: str, style: str) -> str:
-    """Replace ``value`` and ``number`` in a function's source text by the constructors of a vector and of a number.
-
-    ``style`` is the kind of vectors, a key of `CONSTRUCTORS`: "tuple", "array", "mpfr" or "numpy".
-    """
+    """Replace ``value`` and ``number`` in a source text by the `CONSTRUCTORS` of a style."""
     value, number = CONSTRUCTORS[style]
     return re.sub(r"\bnumber\(", f"{number}(", text.replace("value((", f"{value}(("))
 
@@ -139,10 +135,7 @@ def cached_text(name: str, write: Callable[[], str]) -> str:
 
 
 def _load(digest: str, text: str, style: str, signature: Signature) -> Function:
-    """Execute the text and return the function ``f`` that it defines, compiled unless the style is "mpfr" or "numpy".
-
-    The digest identifies the text in the cache; ``signature`` is the Numba signature of ``f``.
-    """
+    """Return the function ``f`` that a text defines, compiled unless the style is "mpfr" or "numpy"."""
     module = ModuleType(f"phasebench_generated_{digest}")
     sys.modules[module.__name__] = module  # Numba looks the module up when it loads the machine code
     exec(compile(text, f"<generated {digest}>", "exec"), module.__dict__)

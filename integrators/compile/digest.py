@@ -136,7 +136,7 @@ def _known() -> dict[str, list]:
 
 @cache
 def _file(path: Path, module: str) -> tuple[str, frozenset[str]]:
-    """Return (digest of the code of a source file, names of the modules of this project that it imports)."""
+    """(Digest of the code of a source file, names of the modules of this project that it imports)."""
     content = path.read_bytes()
     key = hashlib.sha256(module.encode() + b" " + content).hexdigest()[:32]
     if key not in _known():
@@ -151,11 +151,7 @@ def _file(path: Path, module: str) -> tuple[str, frozenset[str]]:
 
 
 def _depends(module: str, start: str) -> bool:
-    """True if the code of ``module``, imported directly or not by ``start``, counts for the digest of ``start``.
-
-    A module in one of the packages `DATA` counts only for modules of the same package: what other modules take from it
-    is hashed as data.
-    """
+    """True if the code of ``module`` counts for the digest of ``start``; a package of `DATA` counts for itself."""
     if module in SILENT:
         return False
     room = next((d for d in DATA if module == d or module.startswith(f"{d}.")), None)
@@ -164,11 +160,7 @@ def _depends(module: str, start: str) -> bool:
 
 @cache
 def closure(module: str, root: Path = ROOT) -> dict[str, str]:
-    """Return a dict: module -> digest of its code, for ``module`` and all that it imports, directly or not.
-
-    Modules of other projects are left out, those that are `SILENT`, and those in a package of `DATA` unless ``module``
-    is in that package, too.
-    """
+    """Module -> digest of its code, for ``module`` and all that it imports, directly or not, and that counts."""
     return _follow([module], module, root)
 
 
@@ -190,10 +182,7 @@ def _follow(modules: Iterable[str], start: str, root: Path) -> dict[str, str]:
 
 
 def families(method: Method) -> list[str]:
-    """The names of the modules that a method runs on: that of its step, and those of the parts that it is made of.
-
-    Parts are methods and functions.
-    """
+    """The modules that a method runs on: that of its step, and those of the methods and functions it is made of."""
     modules = [f"{PACKAGE}.integrators.families.{method.family}"]
     modules += [name for part in method.data if hasattr(part, "family") for name in families(part)]
     modules += [part.__module__ for part in method.data if callable(part) and hasattr(part, "__module__")]

@@ -20,6 +20,7 @@ import hashlib
 import inspect
 import warnings
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
@@ -108,10 +109,7 @@ def _without_closure(f: Callable) -> Callable:
 
 
 def _compile(f: Callable, signature: Signature, options: dict, digest: str, source: Path | None) -> Dispatcher:
-    """Compile ``f`` for one signature, or load the machine code that Numba has stored beside the file ``source``.
-
-    Without ``source`` nothing is stored.  ``digest`` becomes part of the function's name (`_rename`).
-    """
+    """Compile ``f``, or load the machine code beside the file ``source``; without that nothing is stored."""
     collects = gc.isenabled()
     gc.disable()  # a compilation makes many objects and few cycles; collecting would take a tenth of its time
     try:
@@ -140,26 +138,23 @@ def _rename(f: Callable, digest: str, source: Path | None) -> Callable:
 
 
 class Function(types.WrapperAddressProtocol):
-    """A compiled function that raises no exception: Python calls it, and kernels call it through a pointer.
+    """A compiled function that raises no exception: kernels call it through a pointer, and Python may call it, too.
 
-    The parameters are those of `load_or_compile`.
+    The parameters are those of `load_or_compile`.  The pointer is compiled or loaded at once; what Python calls is
+    compiled when it first does so.
     """
 
     def __init__(self, f: Callable, signature: Signature, options: dict, name: str) -> None:
         self._made = f, signature, options, name
-        self._signature = signature
-        self._called: Dispatcher | None = None
-        address = with_functions(_address, {"entry_address": _entry_of(self)})
+        address = with_functions(_address, {"entry_address": _entry_of(f, signature, options, name)})
         entry = f"{name}|entry of {signature!r} {sorted(options.items(), key=str)}"
-        self._address = load_or_compile(address, types.intp(), {}, entry)()
+        self._address = load_or_compile(address, types.intp(), {"no_cfunc_wrapper": True}, entry)()
 
-    @property
+    @cached_property
     def dispatcher(self) -> Dispatcher:
         """The compiled function as Python calls it; loaded or compiled at the first access."""
-        if self._called is None:
-            f, signature, options, name = self._made
-            self._called = load_or_compile(f, signature, options | {"no_cfunc_wrapper": True}, name)
-        return self._called
+        f, signature, options, name = self._made
+        return load_or_compile(f, signature, options | {"no_cfunc_wrapper": True}, name)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""
@@ -167,7 +162,7 @@ class Function(types.WrapperAddressProtocol):
 
     def signature(self) -> Signature:
         """The Numba signature of the function's arguments and result."""
-        return self._signature
+        return self._made[1]
 
     def __wrapper_address__(self) -> int:
         """The address of the entry through which compiled code calls the function."""
@@ -178,13 +173,15 @@ def _address():
     return entry_address()  # noqa: F821 (`Function` sets it)
 
 
-def _entry_of(function: Function) -> Callable:
-    """Return an intrinsic that yields the address of a C function with the code of ``function`` inlined into it."""
+def _entry_of(f: Callable, signature: Signature, options: dict, name: str) -> Callable:
+    """Return an intrinsic that yields the address of a C function with the code of ``f`` inlined into it."""
+    bare = options | {"no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 
     @intrinsic
     def entry_address(typing_context):
         def codegen(context, builder, _, arguments):
-            (whole,) = function.dispatcher.overloads.values()
+            made = _compile(f, signature, bare, hashlib.sha256(name.encode()).hexdigest(), None)
+            (whole,) = made.overloads.values()
             context.active_code_library.add_linking_library(whole.library)
             result, given, convention = whole.fndesc.restype, whole.fndesc.argtypes, context.call_conv
             kind = ir.FunctionType(context.get_value_type(result), [context.get_value_type(t) for t in given])

@@ -31,7 +31,7 @@ MAX_METHODS = 512
 
 
 class _MethodPickler(pickle.Pickler):
-    """Pickles a method without the function that computes fields from its parameters, which no kernel depends on."""
+    """Leaves out the function that computes fields from a method's parameters, which no kernel depends on."""
 
     def reducer_override(self, obj: Any) -> Any:
         if hasattr(obj, "with_parameters"):
@@ -52,14 +52,11 @@ class _FunctionPickler(pickle.Pickler):
 
 
 class _FunctionUnpickler(pickle.Unpickler):
-    """Loads what `_FunctionPickler` has written: makes generated functions again from their origins."""
-
     def persistent_load(self, origin: tuple) -> Function:
         return codegen.rebuild(*origin)
 
 
 def _pickle(kind: type[pickle.Pickler], thing: object) -> bytes | None:
-    """Return ``thing`` pickled, or None if it cannot be."""
     stream = io.BytesIO()
     try:
         kind(stream, protocol=5).dump(thing)
@@ -68,18 +65,16 @@ def _pickle(kind: type[pickle.Pickler], thing: object) -> bytes | None:
     return stream.getvalue()
 
 
-#: id of a method -> (the method, its pickled bytes).  Holding the method keeps its id from being used again.
+#: id of a method -> (the method, its pickled bytes, or None).  Holding the method keeps its id from being used again.
 _bytes: dict = {}
 
 
 def _bytes_of(method: Method) -> bytes | None:
-    """Return a method pickled by value, from memory if it was pickled before, or None if that is impossible."""
-    known = _bytes.get(id(method))
-    if known is None:
+    if id(method) not in _bytes:
         if len(_bytes) >= MAX_METHODS:
             _bytes.clear()
-        known = _bytes[id(method)] = method, _pickle(_MethodPickler, method)
-    return known[1]
+        _bytes[id(method)] = method, _pickle(_MethodPickler, method)
+    return _bytes[id(method)][1]
 
 
 def entry(method: Method, system: PartitionedSystem) -> str | None:

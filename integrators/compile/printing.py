@@ -88,7 +88,7 @@ class _Printer(PythonCodePrinter):
 
 
 def _product(base: str, n: int) -> str:
-    """Return the text of the n-th power of ``base`` as products; of equal halves if n is large, to multiply less."""
+    """The n-th power of ``base`` as products; of equal halves if n is large, to multiply less."""
     if n <= MAX_FACTORS:
         return "*".join([base] * n)
     half = f"({_product(base, n // 2)})"
