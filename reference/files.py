@@ -9,10 +9,14 @@ from pathlib import Path
 from typing import Any
 
 
+def listed(module: str) -> dict[str, Any]:
+    """The content of the TOML file beside a module, whose own file is ``module``."""
+    return tomllib.loads(Path(module).with_suffix(".toml").read_text(encoding="utf-8"))
+
+
 def entries(module: str, name: str = "peer") -> list[dict[str, Any]]:
     """The entries [[name]] of the TOML file beside a module, whose own file is ``module``; lists as tuples."""
-    found = tomllib.loads(Path(module).with_suffix(".toml").read_text(encoding="utf-8"))[name]
-    return [{k: tuple(v) if isinstance(v, list) else v for k, v in entry.items()} for entry in found]
+    return [{k: tuple(v) if isinstance(v, list) else v for k, v in entry.items()} for entry in listed(module)[name]]
 
 
 def write_file(path: Path, content: str | bytes) -> None:

@@ -40,7 +40,7 @@ def kepler_part(system: Hamiltonian, q0: Sequence[float]) -> KeplerPart | None:
     each other (coordinates body by body) get Jacobi's coordinates, in the order of their distance from the central one
     at q0.
     """
-    from phasebench.reference.peers.particles import attracting
+    from phasebench.reference.peers.forms import attracting
 
     found = attracting(system)
     if found is None:

@@ -8,16 +8,15 @@ Source: A. H. Larsen et al., J. Phys.: Condens. Matter 29 (2017) 273002.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import masses
 from .field import split_gradients
-from .record import NOT_FINITE, Claims, Peer, Run, Task
+from .forms import ON_LINES, masses, on_lines
+from .record import Claims, Peer, Run, Task
+from .run import by_rows
 
 if TYPE_CHECKING:
     from ase import Atoms
@@ -45,10 +44,10 @@ def _atoms(system: Hamiltonian, y: np.ndarray) -> Atoms:
             super().calculate(atoms, properties, system_changes)
             self.calls += 1
             state = np.concatenate([atoms.positions[:, 0], np.zeros(d)])
-            self.results = {"energy": 0.0, "forces": masses.on_lines(-np.array(slope(state)))}
+            self.results = {"energy": 0.0, "forces": on_lines(-np.array(slope(state)))}
 
-    atoms = Atoms(numbers=[1] * d, positions=masses.on_lines(y[:d]), masses=masses.masses(system))
-    atoms.set_momenta(masses.on_lines(y[d:]))
+    atoms = Atoms(numbers=[1] * d, positions=on_lines(y[:d]), masses=masses(system))
+    atoms.set_momenta(on_lines(y[d:]))
     atoms.calc = Potential()
     return atoms
 
@@ -58,18 +57,11 @@ def _run(task: Task) -> Run:
 
     atoms = _atoms(task.system, task.state)
     dynamics = VelocityVerlet(atoms, timestep=task.h, logfile=None)
-    rows, seconds, failure, steps = [task.state], 0.0, None, 0
-    for before, number in pairwise(task.numbers):
-        started = time.perf_counter()
-        dynamics.run(number - before)
-        seconds += time.perf_counter() - started
-        y = np.concatenate([atoms.positions[:, 0], atoms.get_momenta()[:, 0]])
-        steps = number
-        if not np.isfinite(y).all():
-            failure = NOT_FINITE
-            break
-        rows.append(y)
-    return Run.of_states(np.array(rows), steps, atoms.calc.calls, seconds, failure)
+
+    def state() -> np.ndarray:
+        return np.concatenate([atoms.positions[:, 0], atoms.get_momenta()[:, 0]])
+
+    return by_rows(task, lambda i, n: dynamics.run(n) and None, state)._replace(gradient=atoms.calc.calls)
 
 
 DOCUMENTED = "https://ase-lib.org/ase/md.html"
@@ -79,17 +71,15 @@ PEERS: tuple[Peer, ...] = (
         "ase-velocity-verlet",
         "ASE's VelocityVerlet",
         package="ase",
-        adaptive=False,
         order=2,
         license="LGPL-2.1-or-later",
         about="Python loop; forces by a calculator around this project's compiled gradient",
         source="Verlet 1967, Phys. Rev. 159, 98-103",
         run=_run,
-        scope=masses.SCOPE,
-        lacks=masses.lacks,
         claims=Claims(
             energy="bounded",
             source=f'"this preserves the particle number, volume ..., and the energy", {DOCUMENTED}',
         ),
+        **ON_LINES,
     ),
 )

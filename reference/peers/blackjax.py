@@ -16,18 +16,23 @@ from typing import TYPE_CHECKING, Any
 
 from phasebench.reference.files import entries
 
-from .jax_loop import COST, Loop, Method, jax_function, run_loop
-from .record import Claims, Peer, split_alone
+from .jax_loop import COST, Loop, jax_function, run_loop
+from .record import Claims, Peer, only, split_alone
 
 if TYPE_CHECKING:
     import jax
 
-    from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Distance of iterates to which the implicit midpoint rule is solved, if not to the package's default.
 CLOSE = 1e-15
 DOCUMENTED = "https://blackjax-devs.github.io/blackjax/autoapi/blackjax/mcmc/integrators/index.html"
 CLAIMED = f'"Symplectic, time-reversible, integrators for Hamiltonian trajectories", {DOCUMENTED}'
+CANONICAL = only(
+    "any canonical H",
+    "it takes derivatives of H by q and p: the variables must be canonical",
+    lambda system: system.canonical,
+)
 
 
 @lru_cache(maxsize=128)
@@ -64,7 +69,7 @@ def _compile(name: str, tol: float | None, system: Hamiltonian) -> Loop:
     def state(carried: Any) -> jax.Array:
         return jnp.concatenate([carried.position, carried.momentum])
 
-    return Loop(Method(begin, lambda k, h, carried: (one_step(carried, h), jnp.array(False)), state), d)
+    return Loop(d, begin, lambda k, h, carried: (one_step(carried, h), jnp.array(False)), state)
 
 
 def _peer(
@@ -76,22 +81,15 @@ def _peer(
         f"blackjax-{id}",
         f"BlackJAX's {title}",
         package="blackjax",
-        adaptive=False,
         order=order,
         license="Apache-2.0",
         about=f"{about}; {COST}",
         source=source,
         run=lambda task: run_loop(lambda: _compile(name, tol, task.system), task, gradients),
-        scope="H = T(p) + V(q)" if split else "any canonical H",
-        lacks=split_alone(why) if split else _not_canonical,
         claims=Claims(symplectic=True, reversible=True, source=f"{name}: {CLAIMED}"),
         settings={} if tol is None else {"convergence_tol": tol},
+        **(split_alone(why) if split else CANONICAL),
     )
-
-
-def _not_canonical(problem: Any, system: PartitionedSystem) -> str | None:
-    """Why the midpoint rule cannot integrate a system: its variables are not canonical; None if they are."""
-    return None if system.canonical else "it takes derivatives of H by q and p: the variables must be canonical"
 
 
 PEERS: tuple[Peer, ...] = tuple(_peer(**entry) for entry in entries(__file__))

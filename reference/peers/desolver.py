@@ -19,7 +19,6 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from functools import lru_cache
@@ -30,7 +29,8 @@ import numpy as np
 from phasebench.reference.files import entries
 
 from .field import right_hand_side
-from .record import NOT_FINITE, Claims, Peer, Run, Task, anything, split_alone
+from .record import NOT_FINITE, Claims, Peer, Run, Task, split_alone
+from .run import by_rows
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -99,36 +99,33 @@ def _stops() -> tuple[type[Exception], ...]:
 def _run_constant(which: str) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         # With a negative step the Richardson integrators never end their search for an error estimate.
-        state, h, numbers = task.state, np.float64(abs(task.h)), task.numbers
-        size = len(state)
-        rhs = _right_hand_side(task.system, np.sign(task.h))
+        state, h, steps, size = task.state, np.float64(abs(task.h)), 0, 2 * len(task.q)
+        rhs, stops = _right_hand_side(task.system, np.sign(task.h)), _stops()
         rhs(0.0, state)
         rhs.nfev = 0
-        rows = np.empty((len(numbers), size))
-        rows[0] = state
-        row, steps, failure, stops = 1, 0, None, _stops()
-        with _quiet():
-            _warm(which, size)
-            integrator = _integrator(which, size, h)
-            started = time.perf_counter()
-            while row < len(numbers) and failure is None:
+
+        def advance(i: int, n: int) -> str | None:
+            nonlocal integrator, state, steps
+            for _ in range(n):
                 try:
                     taken, change = integrator(rhs, h * steps, state, {}, h)[1]
                     if taken != h:
                         integrator = _integrator(which, size, h)
                         taken, change = integrator(rhs, h * steps, state, {}, h)[1]
                 except stops as error:
-                    failure = f"step {steps + 1}: {str(error) or type(error).__name__}"
-                    break
+                    return f"step {steps + 1}: {str(error) or type(error).__name__}"
                 state, steps = state + change, steps + 1
                 if taken != h:
-                    failure = f"Newton's iteration does not converge in step {steps}"
-                elif not np.isfinite(state).all():
-                    failure = NOT_FINITE
-                elif steps == numbers[row]:
-                    rows[row], row = state, row + 1
-            seconds = time.perf_counter() - started
-        return Run.of_states(rows[:row], steps, rhs.nfev, seconds, failure)
+                    return f"Newton's iteration does not converge in step {steps}"
+                if not np.isfinite(state).all():
+                    return NOT_FINITE
+            return None
+
+        with _quiet():
+            _warm(which, size)
+            integrator = _integrator(which, size, h)
+            found = by_rows(task, advance, lambda: state)
+        return found._replace(steps=steps, gradient=rhs.nfev)
 
     return run
 
@@ -139,14 +136,9 @@ class _Stuck(RuntimeError):
 
 def _run_adaptive(which: str) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
-        desolver = load()
-        sign, state, tol = np.sign(task.h), task.state, task.tol
-        times, rhs = sign * task.times, _right_hand_side(task.system, sign)
+        desolver, sign, state = load(), np.sign(task.h), task.state
+        times, last, rhs = sign * task.times, [-1.0], _right_hand_side(task.system, sign)
         rhs(0.0, state)
-        rows = np.empty((len(times), len(state)))
-        rows[0] = state
-        row, failure = 1, None
-        last = [-1.0]
 
         def advancing(ode: Any) -> None:
             if len(ode) > STEP_LIMIT:
@@ -155,27 +147,27 @@ def _run_adaptive(which: str) -> Callable[[Task], Run]:
                 raise _Stuck("the step no longer changes the time, or the state is no longer finite")
             last[0] = ode.t[-1]
 
+        def advance(i: int, n: int) -> str | None:
+            try:
+                ode.integrate(times[i], callback=advancing)
+            except desolver.exception_types.FailedIntegration as error:
+                return str(error.__cause__ or error)
+            return None
+
         with _quiet():
             _warm(which, len(state))
-            ode = desolver.OdeSystem(rhs, y0=state, t=(0.0, times[-1]), dt=abs(task.h), rtol=tol, atol=tol)
+            tolerances = task.tolerances("rtol", "atol")
+            ode = desolver.OdeSystem(rhs, y0=state, t=(0.0, times[-1]), dt=abs(task.h), **tolerances)
             ode.method = integrator_class(which)
-            rhs = ode.equ_rhs  # a copy
-            rhs.nfev = 0
-            started = time.perf_counter()
-            try:
-                for row in range(1, len(times)):
-                    ode.integrate(times[row], callback=advancing)
-                    rows[row] = ode.y[-1]
-                row = len(times)
-            except desolver.exception_types.FailedIntegration as error:
-                failure = str(error.__cause__ or error)
-            seconds = time.perf_counter() - started
-        return Run.of_states(rows[:row], len(ode) - 1, rhs.nfev, seconds, failure)
+            ode.equ_rhs.nfev = 0  # a copy of rhs
+            found = by_rows(task, advance, lambda: np.array(ode.y[-1]))
+        return found._replace(steps=len(ode) - 1, gradient=ode.equ_rhs.nfev)
 
     return run
 
 
 def _peer(
+    *,
     id: str,
     which: str,
     name: str,
@@ -183,7 +175,6 @@ def _peer(
     order: int | None = None,
     about: str = "",
     claim: int | None = None,
-    *,
     symplectic: bool = False,
     adaptive: bool = False,
 ) -> Peer:
@@ -193,20 +184,13 @@ def _peer(
     statement about that property.  With ``adaptive`` the peer takes adaptive steps, else constant ones.  The other
     arguments are fields of the record.
     """
-    splitting = which in SPLITTING
     richardson = which.startswith(RICHARDSON)
     class_name = which.removeprefix(RICHARDSON)
     attributes = f"{class_name}.symplectic, which its Richardson extrapolation takes over" if richardson else class_name
+    how = "its choice of the step is switched off; a Python loop over steps"
     if adaptive:
-        how = (
-            "through OdeSystem: tol is rtol = atol; its steps end at every row; right-hand side compiled by Numba, "
-            "the rest NumPy in Python"
-        )
-    else:
-        how = (
-            "its choice of the step is switched off; a Python loop over steps; right-hand side compiled by Numba, the "
-            "rest NumPy in Python"
-        )
+        how = "through OdeSystem: tol is rtol = atol; its steps end at every row"
+    about = f"{about}; {how}" if about else how
     return Peer(
         f"desolver-{id}-adaptive" if adaptive else f"desolver-{id}",
         f"{name}, adaptive" if adaptive else name,
@@ -214,11 +198,9 @@ def _peer(
         adaptive=adaptive,
         order=None if adaptive else order,
         license="MIT",
-        about=f"{about}; {how}" if about else how,
+        about=f"{about}; right-hand side compiled by Numba, the rest NumPy in Python",
         source=source,
         run=_run_adaptive(which) if adaptive else _run_constant(which),
-        scope="H = T(p) + V(q)" if splitting else "any",
-        lacks=split_alone("its stages update q and p in turn: H must be T(p) + V(q)") if splitting else anything,
         claims=Claims(
             order=None if richardson else (claim or order),
             symplectic=symplectic,
@@ -228,6 +210,7 @@ def _peer(
         tol=1e-10 if adaptive else None,
         least=1e-14 if adaptive else 0.0,
         rows_end_steps=adaptive,
+        **(split_alone("its stages update q and p in turn: H must be T(p) + V(q)") if which in SPLITTING else {}),
     )
 
 

@@ -22,7 +22,6 @@ Source: P. Kidger, On Neural Differential Equations, PhD thesis, University of O
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -30,15 +29,13 @@ import numpy as np
 
 from phasebench.reference.files import entries
 
-from .jax_loop import COST, Loop, Method, jax_function, run_loop
-from .record import Claims, Peer, anything, split_alone
+from .jax_loop import COST, Loop, jax_function, run_loop
+from .record import Claims, Peer, split_alone
 
 if TYPE_CHECKING:
     import jax
 
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
-
-    from .record import Run, Task
 
 #: rtol and atol for implicit equations, and the largest number of iterations.
 ROOT, ITERATIONS = 1e-12, 30
@@ -110,14 +107,7 @@ def _compile(name: str, split: str, system: PartitionedSystem) -> Loop:
     def state(carried: tuple[Any, Any]) -> jax.Array:
         return jnp.concatenate(carried[0]) if split == HALVES else carried[0]
 
-    return Loop(Method(begin, step, state), d)
-
-
-def _build_run(name: str, split: str) -> Callable[[Task], Run]:
-    return lambda task: run_loop(lambda: _compile(name, split, task.system), task)
-
-
-_lacks_halves = split_alone("its two terms are q' of p alone and p' of q alone: H must be T(p) + V(q)")
+    return Loop(d, begin, step, state)
 
 
 def _peer(
@@ -127,28 +117,26 @@ def _peer(
     order: int,
     source: str,
     about: str = "",
-    *,
     split: str = WHOLE,
     symplectic: bool | None = None,
 ) -> Peer:
+    why = "its two terms are q' of p alone and p' of q alone: H must be T(p) + V(q)"
     about = "; ".join(filter(None, [about, "" if split == WHOLE else f"terms: {split}"]))
     return Peer(
         f"diffrax-{id}",
         f"diffrax's {title}",
         package="diffrax",
-        adaptive=False,
         order=order,
         license="Apache-2.0",
         about=f"{about}; {COST}" if about else COST,
         source=source,
-        run=_build_run(name, split),
-        scope="H = T(p) + V(q)" if split == HALVES else "any",
-        lacks=_lacks_halves if split == HALVES else anything,
+        run=lambda task: run_loop(lambda: _compile(name, split, task.system), task),
         claims=Claims(
             order=order,
             symplectic=symplectic,
             source=f"diffrax.{name}.order and .__doc__ of diffrax 0.7.2; {SOLVERS}",
         ),
+        **(split_alone(why) if split == HALVES else {}),
     )
 
 

@@ -38,7 +38,7 @@ import numpy as np
 from phasebench.reference.files import entries
 
 from . import interrupts
-from .galactic import is_henon_heiles, powers, unit_mass
+from .forms import is_henon_heiles, powers, unit_mass
 from .record import Claims, Peer, Run, Task
 
 if TYPE_CHECKING:
@@ -75,23 +75,15 @@ def _builtin_potential(system: Hamiltonian) -> Any:
     if is_henon_heiles(system):
         return galpy.HenonHeilesPotential()
     terms = powers(system)
-    if _linear(system):
+    if _on_line(system, True):
         return galpy.KGPotential(K=0.0, F=terms[0][0], D=1.0)
     # V = c r^a has the force -c a r^(a - 1), hence the density amp r^-alpha (a point mass c if a = -1)
     parts = [
         galpy.PowerSphericalPotential(amp=c * a if a == -1 else c * a * (1.0 + a) / (4.0 * np.pi), alpha=2.0 - a)
         for c, a in terms
     ]
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
+    total = sum(parts[1:], parts[0])
     return total if system.d == 3 else galpy.toPlanarPotential(total)
-
-
-def _linear(system: Hamiltonian) -> bool:
-    """True if V = c q^2 with d = 1."""
-    terms = powers(system)
-    return system.d == 1 and terms is not None and len(terms) == 1 and terms[0][1] == 2
 
 
 @lru_cache(maxsize=64)
@@ -105,47 +97,27 @@ def _python_potential(system: Hamiltonian) -> Any:
             last["q"], last["force"] = q, field(0.0, np.array([*q, *q]))[d:]
         return last["force"]
 
+    def polar(k: int) -> Callable[..., float]:
+        def component(potential: Any, R: float, *z: float, phi: float = 0.0, t: float = 0.0) -> float:
+            c, s = np.cos(phi), np.sin(phi)
+            f = force(R * c, R * s, *z)
+            return (c * f[0] + s * f[1], R * (c * f[1] - s * f[0]), f[-1])[k]
+
+        return component
+
+    names, base = {"_Rforce": polar(0), "_phitorque": polar(1)}, galpy.planarPotential
     if d == 1:
+        names, base = {"_force": lambda potential, x, t=0.0: force(np.ravel(x)[0])[0]}, galpy.linearPotential
+    elif d == 3:
+        names, base = names | {"_zforce": polar(2)}, galpy.Potential
+    made = type("Formula", (base,), names)(amp=1.0)
+    made.isNonAxi = d > 1
+    return made
 
-        class Line(galpy.linearPotential):
-            def _force(self, x: float | np.ndarray, t: float = 0.0) -> float:
-                return force(np.ravel(x)[0])[0]
 
-        return Line(amp=1.0)
-
-    def polar(R: float, phi: float, z: tuple[float, ...] = ()) -> tuple[float, float, float]:
-        c, s = np.cos(phi), np.sin(phi)
-        f = force(R * c, R * s, *z)
-        return c * f[0] + s * f[1], R * (c * f[1] - s * f[0]), f[-1]
-
-    if d == 2:
-
-        class Plane(galpy.planarPotential):
-            isNonAxi = True
-
-            def _Rforce(self, R: float, phi: float = 0.0, t: float = 0.0) -> float:
-                return polar(R, phi)[0]
-
-            def _phitorque(self, R: float, phi: float = 0.0, t: float = 0.0) -> float:
-                return polar(R, phi)[1]
-
-        return Plane(amp=1.0)
-
-    class Space(galpy.Potential):
-        def __init__(self) -> None:
-            super().__init__(amp=1.0)
-            self.isNonAxi = True
-
-        def _Rforce(self, R: float, z: float, phi: float = 0.0, t: float = 0.0) -> float:
-            return polar(R, phi, (z,))[0]
-
-        def _phitorque(self, R: float, z: float, phi: float = 0.0, t: float = 0.0) -> float:
-            return polar(R, phi, (z,))[1]
-
-        def _zforce(self, R: float, z: float, phi: float = 0.0, t: float = 0.0) -> float:
-            return polar(R, phi, (z,))[2]
-
-    return Space()
+def _on_line(system: Hamiltonian, own: bool) -> bool:
+    """True if galpy's orbit is one on a line; its ``own`` potentials are in the plane at d = 1, unless V = c q^2."""
+    return system.d == 1 and (not own or [a for _, a in powers(system) or ()] == [2])
 
 
 # -- coordinates --------------------------------------------------------------------------------------------------
@@ -193,8 +165,7 @@ def _times(method: str, adaptive: bool, task: Task) -> tuple[np.ndarray, float, 
             apart = np.nextafter(apart, np.inf)
         return apart * np.arange(count + 1), stride, {"dt": h}
     parts = -(-ROWS // count) if method in ("odeint", "ias15_c") else 1
-    tolerances = {} if task.tol is None else {"rtol": task.tol, "atol": task.tol}
-    return h * stride * np.arange(count * parts + 1) / parts, stride / parts, tolerances
+    return h * stride * np.arange(count * parts + 1) / parts, stride / parts, task.tolerances("rtol", "atol")
 
 
 def _integrate(
@@ -241,8 +212,7 @@ def _warm(method: str, system: Hamiltonian, own: bool) -> Any:
     The potential is one of galpy's own if ``own``, else a class in Python.  Returns the potential.
     """
     potential = _builtin_potential(system) if own else _python_potential(system)
-    line = system.d == 1 and (not own or _linear(system))
-    start = _to_galpy([0.5, 0.25, 0.125][: system.d], [0.0] * system.d, line)
+    start = _to_galpy([0.5, 0.25, 0.125][: system.d], [0.0] * system.d, _on_line(system, own))
     _integrate(method, potential, start, np.array([0.0, 1e-3]), {})
     return potential
 
@@ -251,8 +221,7 @@ def _build_run(method: str, adaptive: bool) -> Callable[[Task], Run]:
     own = method.endswith("_c")
 
     def run(task: Task) -> Run:
-        system = task.system
-        line = system.d == 1 and (not own or _linear(system))
+        system, line = task.system, _on_line(task.system, own)
         start = _to_galpy(task.q, task.p, line)
         potential = _warm(method, system, own)
         times, every, options = _times(method, adaptive, task)
@@ -296,33 +265,22 @@ IN_PYTHON = "H = |p|^2 / 2 + V(q), d at most 3"
 
 
 def _peer(
-    method: str,
-    name: str,
-    about: str,
-    source: str,
-    order: int | None = None,
-    *,
-    adaptive: bool = False,
-    claims: Mapping[str, Any] | None = None,
-    least: float = 0.0,
+    method: str, about: str, adaptive: bool = False, claims: Mapping[str, Any] | None = None, **facts: Any
 ) -> Peer:
     own = method.endswith("_c")
     cost = "compiled C" if own else "forces in Python"
     return Peer(
         f"galpy-{method.replace('_', '-')}",
-        name,
         package="galpy",
         adaptive=adaptive,
-        order=order,
         license="BSD-3-Clause",
         about=f"{about}; {cost}; the time includes the set-up of a call and rows in polar coordinates",
-        source=source,
         run=_build_run(method, adaptive),
         scope=IN_C if own else IN_PYTHON,
         lacks=_lacks(method),
         claims=Claims(**({"source": METHODS_IN_WORDS} | (claims or {}))),
-        least=least,
         load=load,
+        **facts,
     )
 
 

@@ -11,7 +11,7 @@ from phasebench.reference.installed import how_to_install
 
 from . import floating
 from .record import Peer, Run, Task
-from .run import ending, tolerance
+from .run import ending
 
 if TYPE_CHECKING:
     from phasebench.integrators.keywords import State
@@ -66,7 +66,7 @@ def integrate_peer(
     lack = integrator.lacks(problem, getattr(problem, "system", problem))
     if lack:
         raise InvalidInput(f"'{integrator.id}' cannot do this: {lack}")
-    tol = tolerance(integrator, tol)
+    tol = integrator.tolerance(tol)
     if integrator.adaptive and h is None and steps is None:
         steps = 1
     asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0)

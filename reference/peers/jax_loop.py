@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -42,49 +42,39 @@ def jax_function(variables: Sequence[Sequence[sp.Symbol]], expressions: Sequence
     return lambda *values: jnp.array(evaluate(*values))
 
 
-class Method(NamedTuple):
-    """A package's method on a system, in functions that JAX can compile.
+class Loop:
+    """A compiled loop over steps of a package's method on a system of d degrees of freedom; `rows` integrates by it.
 
-    Attributes
-    ----------
-    begin : (y, h) -> what the method carries from step to step, at the start; y = (q, p) is the initial state, (2 d,)
-    step : (number of steps taken before, h, carried) -> (carried after this step, True if the step failed)
-    state : (carried) -> the state (q, p), array (2 d,)
+    ``begin(y, h)`` returns what the method carries from step to step at the start, y = (q, p), array (2 d,);
+    ``step(number of steps taken before, h, carried)`` returns (carried after this step, True if the step failed), and
+    ``state(carried)`` the state (q, p).  JAX can compile all three.
     """
 
-    begin: Callable[[Any, Any], Any]
-    step: Callable[[Any, Any, Any], tuple[Any, Any]]
-    state: Callable[[Any], Any]
-
-
-class Loop:
-    """A compiled loop over steps of a `Method` on a system of ``d`` degrees of freedom; `rows` integrates by it."""
-
-    def __init__(self, method: Method, d: int) -> None:
+    def __init__(self, d: int, begin: Callable, step: Callable, state: Callable) -> None:
         import jax
         import jax.numpy as jnp
 
         def loop(
-            carried: Any, h: jax.Array, begin: jax.Array, end: jax.Array, index: jax.Array
+            carried: Any, h: jax.Array, first: jax.Array, end: jax.Array, index: jax.Array
         ) -> tuple[jax.Array, Any, jax.Array]:
-            """Take the steps from ``begin`` to ``end``: (rows, what the method carries, first step that failed or -1).
+            """Take the steps from ``first`` to ``end``: (rows, what the method carries, first step that failed or -1).
 
             The rows, array (ROWS, 2 d), are the states (q, p) after the steps with the numbers ``index``.
             """
 
-            def step(k: jax.Array, given: tuple[Any, ...]) -> tuple[Any, ...]:
+            def take(k: jax.Array, given: tuple[Any, ...]) -> tuple[Any, ...]:
                 carried, rows, row, failed = given
-                carried, wrong = method.step(k, h, carried)
+                carried, wrong = step(k, h, carried)
                 wanted = index[row] == k + 1
-                rows = rows.at[row].set(jnp.where(wanted, method.state(carried), rows[row]))
+                rows = rows.at[row].set(jnp.where(wanted, state(carried), rows[row]))
                 failed = jnp.where((failed < 0) & wrong, k + 1, failed)
                 return carried, rows, row + wanted, failed
 
             given = carried, jnp.zeros((ROWS, 2 * d)), jnp.array(0), jnp.array(-1)
-            carried, rows, _, failed = jax.lax.fori_loop(begin, end, step, given)
+            carried, rows, _, failed = jax.lax.fori_loop(first, end, take, given)
             return rows, carried, failed
 
-        self._begin, self._loop = jax.jit(method.begin), jax.jit(loop)
+        self._begin, self._loop = jax.jit(begin), jax.jit(loop)
         for _ in range(2):  # what the loop returns may cause a second compilation
             self.rows(np.full(2 * d, 0.5), 1e-3, np.arange(1, ROWS + 2))
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from . import masses
-from .jax_loop import COST, Loop, Method, jax_function, run_loop
+from .forms import ON_LINES, masses
+from .jax_loop import COST, Loop, jax_function, run_loop
 from .record import Claims, Peer
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def _compile(system: Hamiltonian) -> Loop:
 
     d, force = system.d, jax_function([system.q], system.dp)
     start, step = simulate.nve(lambda R, **_: force(R[:, 0])[:, None], lambda R, dR, **_: R + dR)
-    mass = jnp.array(masses.masses(system))
+    mass = jnp.array(masses(system))
 
     def begin(y: jax.Array, h: jax.Array) -> Any:
         return start(None, y[:d, None], 0.0, mass=mass, momenta=y[d:, None])
@@ -37,7 +37,7 @@ def _compile(system: Hamiltonian) -> Loop:
     def state(carried: Any) -> jax.Array:
         return jnp.concatenate([carried.position[:, 0], carried.momentum[:, 0]])
 
-    return Loop(Method(begin, lambda k, h, carried: (step(carried, dt=h), jnp.array(False)), state), d)
+    return Loop(d, begin, lambda k, h, carried: (step(carried, dt=h), jnp.array(False)), state)
 
 
 DOCUMENTED = "https://jax-md.readthedocs.io/en/main/jax_md.simulate.html"
@@ -47,14 +47,12 @@ PEERS: tuple[Peer, ...] = (
         "jax-md-nve",
         "JAX-MD's simulate.nve",
         package="jax_md",
-        adaptive=False,
         order=2,
         license="Apache-2.0",
         about=f"velocity Verlet; the step is rounded to single precision; {COST}",
         source="Swope et al. 1982, J. Chem. Phys. 76, 637-649",
         run=lambda task: run_loop(lambda: _compile(task.system), task, 1),
-        scope=masses.SCOPE,
-        lacks=masses.lacks,
         claims=Claims(energy="bounded", source=f'nve: "the energy (E) are held constant", {DOCUMENTED}'),
+        **ON_LINES,
     ),
 )

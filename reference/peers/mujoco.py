@@ -18,14 +18,13 @@ Source: E. Todorov, T. Erez, Y. Tassa, MuJoCo: A physics engine for model-based 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .record import NOT_FINITE, Claims, Peer, Run, Task
+from .record import Claims, Peer, Run, Task
+from .run import by_rows
 
 if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
@@ -120,17 +119,15 @@ def _build_run(integrator: str) -> Callable[[Task], Run]:
         model.opt.timestep = task.h
         data, way = mujoco.MjData(model), (_Body if problem.id == "free-rigid-body" else _Chain)(problem)
         data.qpos[:], data.qvel[:] = way.velocity(task.q, task.p)
-        rows, seconds, failure, steps = [task.state], 0.0, None, 0
-        for before, number in pairwise(task.numbers):
-            started = time.perf_counter()
-            mujoco.mj_step(model, data, nstep=number - before)
-            seconds += time.perf_counter() - started
-            steps = number
-            if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
-                failure = NOT_FINITE
-                break
-            rows.append(way.state(data.qpos.copy(), data.qvel.copy()))
-        return Run.of_states(np.array(rows), steps, 0, seconds, failure)
+
+        def advance(i: int, n: int) -> None:
+            mujoco.mj_step(model, data, nstep=n)
+
+        def state() -> np.ndarray:
+            finite = np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()
+            return way.state(data.qpos.copy(), data.qvel.copy()) if finite else np.full(2 * len(task.q), np.nan)
+
+        return by_rows(task, advance, state)
 
     return run
 
@@ -143,7 +140,6 @@ def _peer(integrator: str, order: int, about: str, source: str, claimed: int | N
         f"mujoco-{integrator.lower()}",
         f"MuJoCo's {integrator}",
         package="mujoco",
-        adaptive=False,
         order=order,
         license="Apache-2.0",
         about=f"{about}; a model of bodies and joints, without contact and damping",

@@ -15,21 +15,21 @@ Source: P. Eastman et al., J. Phys. Chem. B 128 (2024) 109-116; OpenMM User Guid
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import lru_cache
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import masses
+from phasebench.reference.files import entries
+
+from .forms import ON_LINES, masses, on_lines
 from .record import NOT_FINITE, Claims, Peer, Run, Task
+from .run import by_rows
 
 if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-THEORY = "https://docs.openmm.org/latest/userguide/theory/04_integrators.html"
 VERLET, VARIABLE, CUSTOM = "VerletIntegrator", "VariableVerletIntegrator", "CustomIntegrator"
 #: errorTol where no tolerance is given.
 TOLERANCE = 1e-6
@@ -67,7 +67,7 @@ class _Simulation:
         import openmm
 
         self.kind, self.d, self.h = kind, system.d, h
-        self.masses = masses.masses(system)
+        self.masses = masses(system)
         made, force = openmm.System(), openmm.CustomCompoundBondForce(system.d, _formula(system))
         for mass in self.masses:
             made.addParticle(float(mass))
@@ -83,9 +83,9 @@ class _Simulation:
 
     def start(self, y: np.ndarray) -> None:
         """Set the state y = (q, p), array (2 d,)."""
-        self.context.setPositions(masses.on_lines(y[: self.d]))
+        self.context.setPositions(on_lines(y[: self.d]))
         v = y[self.d :] / self.masses
-        self.context.setVelocities(masses.on_lines(v - self._kick(self.h / 2) if self.kind == VERLET else v))
+        self.context.setVelocities(on_lines(v - self._kick(self.h / 2) if self.kind == VERLET else v))
 
     def state(self) -> np.ndarray:
         """The state (q, p) reached, array (2 d,)."""
@@ -99,82 +99,43 @@ class _Simulation:
 
 
 def _build_run(kind: str) -> Callable[[Task], Run]:
-    adaptive = kind == VARIABLE
-
     def run(task: Task) -> Run:
         import openmm
 
-        made = _Simulation(task.system, kind, task.h, task.tol or TOLERANCE)
+        made = _Simulation(task.system, kind, task.h, task.tol)
         made.start(task.state)
-        rows, seconds, failure, steps = [task.state], 0.0, None, 0
-        for row, (before, number) in enumerate(pairwise(task.numbers), start=1):
-            started = time.perf_counter()
+
+        def advance(i: int, n: int) -> str | None:
             try:
-                if adaptive:
-                    made.integrator.stepTo(task.times[row])
+                if kind == VARIABLE:
+                    made.integrator.stepTo(task.times[i])
                 else:
-                    made.integrator.step(number - before)
-                    steps = number
+                    made.integrator.step(n)
             except openmm.OpenMMException as error:
-                failure = NOT_FINITE if "NaN" in str(error) else str(error)
-            seconds += time.perf_counter() - started
-            y = made.state()
-            if failure or not np.isfinite(y).all():
-                failure = failure or NOT_FINITE
-                break
-            rows.append(y)
-        return Run.of_states(np.array(rows), steps, steps, seconds, failure)
+                return NOT_FINITE if "NaN" in str(error) else str(error)
+            return None
+
+        found = by_rows(task, advance, made.state, 1)
+        return found._replace(steps=0, gradient=0) if kind == VARIABLE else found
 
     return run
 
 
-def _peer(id: str, kind: str, title: str, order: int | None, about: str, source: str, claims: Claims) -> Peer:
+def _peer(id: str, kind: str, title: str, about: str, claims: dict[str, Any], **facts: Any) -> Peer:
     return Peer(
         f"openmm-{id}",
         f"OpenMM's {title}",
         package="openmm",
         adaptive=kind == VARIABLE,
-        order=order,
         license="MIT",
         about=f"{about}; the Reference platform in double precision, V is compiled by OpenMM",
-        source=source,
         run=_build_run(kind),
-        scope=masses.SCOPE,
-        lacks=masses.lacks,
-        claims=claims,
+        claims=Claims(**claims),
         tol=TOLERANCE if kind == VARIABLE else None,
         ahead=True,
+        **ON_LINES,
+        **facts,
     )
 
 
-LEAPFROG = "Verlet 1967, Phys. Rev. 159, 98-103"
-
-PEERS: tuple[Peer, ...] = (
-    _peer(
-        "verlet",
-        VERLET,
-        "VerletIntegrator",
-        2,
-        "leapfrog; the velocities of starts and rows are moved by half a kick",
-        LEAPFROG,
-        Claims(symplectic=True, source=f'"Unlike a fixed step size Verlet integrator ... not symplectic", {THEORY}'),
-    ),
-    _peer(
-        "variable-verlet-adaptive",
-        VARIABLE,
-        "VariableVerletIntegrator, adaptive",
-        None,
-        "tol is errorTol, an estimate of a step's error in nm",
-        LEAPFROG,
-        Claims(symplectic=False, energy=None, source=f'"variable step size Verlet is not symplectic", {THEORY}'),
-    ),
-    _peer(
-        "custom-velocity-verlet",
-        CUSTOM,
-        "CustomIntegrator with velocity Verlet",
-        2,
-        "the algorithm of the documentation of CustomIntegrator, without constraints",
-        LEAPFROG,
-        Claims(source="openmm.CustomIntegrator.__doc__: a velocity Verlet integrator"),
-    ),
-)
+PEERS: tuple[Peer, ...] = tuple(_peer(**entry) for entry in entries(__file__))

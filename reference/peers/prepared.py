@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,30 +13,14 @@ from phasebench.integrators.outcome import NOT_CONVERGED, OK
 from phasebench.integrators.request import initial
 from phasebench.reference.installed import how_to_install
 
-from .record import Peer, Start
-from .run import tolerance
+from .record import SOLVED as SOLVED
+from .record import STALLED as STALLED
+from .record import Calls as Calls
+from .record import Peer, Task
 
 Floats = NDArray[np.float64]
-#: The codes that a package's call returns, and their statuses.
-SOLVED, STALLED = 0, 1
+#: The statuses of the codes `record.SOLVED` and `record.STALLED`.
 STATUSES = (OK, NOT_CONVERGED)
-
-
-class Calls(NamedTuple):
-    """The functions of a package for a prepared run.
-
-    Attributes
-    ----------
-    restart : (y) -> None: set the state (q, p), array (2 d,), from which `advance` starts
-    advance : (t_end), or (h, steps) with fixed steps -> status code: reset, then the package's own call
-    state : () -> the state (q, p) reached, array (2 d,), a copy
-    keep : objects that must live as long as these functions, such as a callback whose address the package holds
-    """
-
-    restart: Callable[[np.ndarray], None]
-    advance: Callable[..., int]
-    state: Callable[[], np.ndarray]
-    keep: Any = None
 
 
 class PreparedPeer:
@@ -57,7 +40,7 @@ class PreparedPeer:
 
     SOLVED, STALLED = STATUSES
 
-    def __init__(self, peer: Peer, start: Start) -> None:
+    def __init__(self, peer: Peer, start: Task) -> None:
         if peer.prepare is None:
             raise InvalidInput(f"'{peer.id}' has no prepared run; pb.integrate runs it")
         self.peer, self._d, self._built = peer, len(start.q), start
@@ -131,7 +114,7 @@ def prepare_peer(
         raise InvalidInput(f"'{peer.id}' cannot do this: {lack}")
     system, q, p = initial(problem, q0, p0)
     try:
-        return PreparedPeer(peer, Start(problem, system, q, p, tolerance(peer, tol)))
+        return PreparedPeer(peer, Task(problem, system, q, p, tol=peer.tolerance(tol)))
     except ImportError as error:
         raise InvalidInput(
             f"{peer.package} cannot be imported ({error}): install it ({how_to_install(peer.package)})"

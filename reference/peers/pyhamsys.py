@@ -22,7 +22,6 @@ Source: C. Chandre, pyhamsys, https://github.com/cchandre/pyhamsys; P. Pihajoki,
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -33,10 +32,11 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.files import entries
 
 from .field import right_hand_side, split_gradients
-from .record import NOT_FINITE, Claims, Peer, Run, Task, split_alone
+from .record import Claims, Peer, Run, Task, only, split_alone
+from .run import by_pieces
 
 if TYPE_CHECKING:
-    from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Largest number of steps in one call of pyhamsys, and in one with two copies coupled by omega.
 PIECE, MOST = 256, 100_000
@@ -67,21 +67,17 @@ def _flows(
         for i in range(d):
             y[i] += h * velocity[i]
 
-    @numba.njit("float64[::1](float64, float64, float64[::1])", error_model="numpy")
-    def kick_drift(h: float, t: float, y: np.ndarray) -> np.ndarray:
-        y = y.copy()
-        kick(h, y)
-        drift(h, y)
-        return y
+    def composed(first: Callable, second: Callable) -> Callable[[float, float, np.ndarray], np.ndarray]:
+        @numba.njit("float64[::1](float64, float64, float64[::1])", error_model="numpy")
+        def flows(h: float, t: float, y: np.ndarray) -> np.ndarray:
+            y = y.copy()
+            first(h, y)
+            second(h, y)
+            return y
 
-    @numba.njit("float64[::1](float64, float64, float64[::1])", error_model="numpy")
-    def drift_kick(h: float, t: float, y: np.ndarray) -> np.ndarray:
-        y = y.copy()
-        drift(h, y)
-        kick(h, y)
-        return y
+        return flows
 
-    return kick_drift, drift_kick
+    return composed(kick, drift), composed(drift, kick)
 
 
 def _separable_system(system: Hamiltonian, position_first: bool) -> Any:
@@ -100,15 +96,14 @@ def _general_system(system: Hamiltonian) -> Any:
     return HamSys(ndof=system.d, y_dot=right_hand_side(system))
 
 
-def _piece(system: Any, options: dict, state: np.ndarray, h: float, n: int) -> tuple[np.ndarray, float]:
-    """Take n steps of h by one call of pyhamsys: (the states after 1, ..., n steps, array (n, 2 d); the step taken)."""
+def _piece(system: Any, options: dict, state: np.ndarray, h: float, n: int) -> np.ndarray:
+    """Take n steps of h by one call of pyhamsys: the states after 1, ..., n steps, array (n, 2 d)."""
     from pyhamsys import Parameters
 
     times = np.arange(max(n, 2) + 1) * h
     # rows coincide with steps only if times[-1] / step is less than the number of rows
     parameters = Parameters(step=2.0 * times[-1], display=False, **options)
-    solution = system.integrate(state, times, parameters)
-    return solution.y.T[1 : n + 1], solution.step
+    return system.integrate(state, times, parameters).y.T[1 : n + 1]
 
 
 def _pieces(steps: int, one: bool) -> list[int]:
@@ -135,38 +130,19 @@ def _build_run(solver: str, position_first: bool, extension: bool, omega: float 
             raise InvalidInput(f"pyhamsys's time grows as the square of the steps: at most {MOST} with omega")
         system = _general_system(task.system) if extension else _separable_system(task.system, position_first)
         options = {"solver": solver, "extension": extension, "omega": omega}
-        state = task.state
         _warm()
-        done, kept, failure = 0, [state[None]], None
-        wanted = np.asarray(task.numbers[1:])
-        seconds = 0.0
         with np.errstate(all="ignore"):
-            for n in _pieces(task.steps, one):
-                began = time.perf_counter()
-                rows, _ = _piece(system, options, state, task.h, n)
-                seconds += time.perf_counter() - began
-                inside = wanted[(wanted > done) & (wanted <= done + n)]
-                kept.append(rows[inside - done - 1])
-                state, done = np.ascontiguousarray(rows[-1]), done + n
-                if not np.isfinite(state).all():
-                    failure = NOT_FINITE
-                    break
-        return Run.of_states(np.vstack(kept), done, 0, seconds, failure)
+            return by_pieces(task, _pieces(task.steps, one), lambda y, n: _piece(system, options, y, task.h, n))
 
     return run
 
 
-_lacks_splitting = split_alone(
-    "chi and chi_star are flows of T(p) and V(q): H must be their sum (the extended peers take any H)"
+SPLIT = split_alone("chi and chi_star are flows of T(p) and V(q): H must be their sum (the extended peers take any H)")
+EXTENSION = only(
+    "any Hamiltonian",
+    "two copies of phase space need H in canonical coordinates",
+    lambda system: system.canonical,
 )
-
-
-def _lacks_canonical(problem: Any, system: PartitionedSystem) -> str | None:
-    if not system.canonical:
-        return "two copies of phase space need H in canonical coordinates"
-    return None
-
-
 SPLIT_ABOUT = (
     "flows of T and V compiled by Numba, the composition a Python loop; the time includes pyhamsys's set-up of each "
     f"{PIECE} steps and its search for rows"
@@ -189,16 +165,14 @@ def _peer(solver: str, order: int, about: str, source: str, *, position_first: b
         f"pyhamsys-{solver.lower()}{f'-{kind}' if kind else ''}",
         f"pyhamsys's {solver}{name}",
         package="pyhamsys",
-        adaptive=False,
         ahead=True,
         order=order,
         license="BSD-2-Clause",
         about=f"{about}; {how}",
         source=source,
         run=_build_run(solver, position_first, extension, OMEGA if kind == "omega" else None),
-        scope="any Hamiltonian" if extension else "H = T(p) + V(q)",
-        lacks=_lacks_canonical if extension else _lacks_splitting,
         claims=claim,
+        **(EXTENSION if extension else SPLIT),
     )
 
 

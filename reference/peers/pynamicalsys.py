@@ -14,21 +14,21 @@ from __future__ import annotations
 
 import contextlib
 import io
-import time
 from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .record import NOT_FINITE, Claims, Peer, Run, Start, Task, split_alone
+from phasebench.reference.files import entries
+
+from .record import Calls, Claims, Peer, Run, Task, split_alone
+from .run import by_pieces
 
 if TYPE_CHECKING:
     import sympy as sp
 
     from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
-
-    from .prepared import Calls
 
 #: Largest number of steps in one call, which returns the state after each.
 PIECE = 16_384
@@ -92,24 +92,19 @@ def _gradients(system: Hamiltonian, read: Callable[[np.ndarray], Any]) -> dict[s
     """
     import numba
 
-    d = system.d
-    grad_T, grad_V = system.grad_T() or numba.njit(lambda p: p), system.grad_V()
+    def on_arrays(gradient: Callable) -> Callable:
+        d = system.d
 
-    @numba.njit(error_model="numpy")
-    def of_kinetic(p: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-        velocity, found = grad_T(read(p)), np.empty(d)
-        for i in range(d):
-            found[i] = velocity[i]
-        return found
+        @numba.njit(error_model="numpy")
+        def function(x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+            slope, found = gradient(read(x)), np.empty(d)
+            for i in range(d):
+                found[i] = slope[i]
+            return found
 
-    @numba.njit(error_model="numpy")
-    def of_potential(q: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-        slope, found = grad_V(read(q)), np.empty(d)
-        for i in range(d):
-            found[i] = slope[i]
-        return found
+        return function
 
-    return {"grad_T": of_kinetic, "grad_V": of_potential}
+    return {"grad_T": on_arrays(system.grad_T() or numba.njit(lambda p: p)), "grad_V": on_arrays(system.grad_V())}
 
 
 def _system(system: Hamiltonian, implicit: bool) -> Any:
@@ -134,51 +129,31 @@ def _states(made: Any, y: np.ndarray, h: float, n: int) -> np.ndarray | None:
 
 def _build_run(name: str, gradients: int) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
-        made, y, h = _system(task.system, not gradients), task.state, task.h
+        made, h = _system(task.system, not gradients), task.h
         made.integrator(name, time_step=h)
-        _states(made, y, h, 1)
-        rows, steps, seconds, failure = [y[None]], 0, 0.0, None
-        numbers = np.array(task.numbers)
-        while steps < task.steps and failure is None:
-            n = min(PIECE, task.steps - steps)
-            started = time.perf_counter()
-            states = _states(made, y, h, n)
-            seconds += time.perf_counter() - started
-            if states is None:
-                failure = f"Newton's method did not converge within {n} steps after {steps}"
-                break
-            inside = numbers[(numbers > steps) & (numbers <= steps + n)] - steps - 1
-            rows.append(states[inside])
-            steps, y = steps + n, states[-1].copy()
-            failure = None if np.isfinite(y).all() else NOT_FINITE
-        return Run.of_states(np.concatenate(rows), steps, gradients * steps, seconds, failure)
+        _states(made, task.state, h, 1)
+        pieces = [PIECE] * (task.steps // PIECE) + [task.steps % PIECE]
+        return by_pieces(task, filter(None, pieces), lambda y, n: _states(made, y, h, n), gradients)
 
     return run
 
 
-def _build_prepare(name: str, implicit: bool) -> Callable[[Start], Calls]:
-    def prepare(start: Start) -> Calls:
-        from .prepared import SOLVED, STALLED, Calls
-
-        made, begin, end = _system(start.system, implicit), start.state, [start.state]
+def _build_prepare(name: str, implicit: bool) -> Callable[[Task], Calls]:
+    def prepare(task: Task) -> Calls:
+        made = _system(task.system, implicit)
         made.integrator(name, time_step=1e-6)
-        _states(made, begin, 1e-6, 1)
+        _states(made, task.state, 1e-6, 1)
 
-        def restart(y: np.ndarray) -> None:
-            begin[:] = y
-
-        def advance(h: float, n: int) -> int:
+        def integrate(y: np.ndarray, h: float, n: int) -> np.ndarray | None:
             made.integrator(name, time_step=h)
-            y = begin
             while n:
                 states = _states(made, y, h, min(n, PIECE))
                 if states is None:
-                    return STALLED
+                    return None
                 y, n = states[-1], n - len(states)
-            end[0] = y
-            return SOLVED
+            return y
 
-        return Calls(restart, advance, lambda: np.array(end[0]))
+        return Calls.to_end(task, integrate)
 
     return prepare
 
@@ -194,12 +169,11 @@ def _peer(id: str, name: str, title: str, order: int, gradients: int, about: str
     facts = {"lacks": _lack_of_midpoint, "scope": f"any canonical H up to d = {LARGEST}"}
     if gradients:
         why = "it takes the gradients of T(p) and V(q): H must be T(p) + V(q)"
-        facts = {"lacks": split_alone(why), "scope": "H = T(p) + V(q)"}
+        facts = split_alone(why)
     return Peer(
         f"pynamicalsys-{id}",
         f"pynamicalsys's {title}",
         package="pynamicalsys",
-        adaptive=False,
         order=order,
         license="GPL-3.0",
         about=f"{about}; loops and right-hand sides are compiled by Numba, every state is stored",
@@ -213,32 +187,4 @@ def _peer(id: str, name: str, title: str, order: int, gradients: int, about: str
     )
 
 
-PEERS: tuple[Peer, ...] = (
-    _peer(
-        "verlet",
-        "vv2",
-        "velocity Verlet",
-        2,
-        2,
-        "kick-drift-kick, both kicks evaluated",
-        "Verlet 1967, Phys. Rev. 159, 98-103",
-    ),
-    _peer(
-        "yoshida-4",
-        "svy4",
-        "Yoshida of order 4",
-        4,
-        6,
-        "three steps of velocity Verlet, all kicks evaluated",
-        "Yoshida 1990, Phys. Lett. A 150, 262-268",
-    ),
-    _peer(
-        "midpoint",
-        "imp",
-        "implicit midpoint rule",
-        2,
-        0,
-        "Newton's method to a residual of 1e-12, the package's default",
-        "Hairer, Lubich & Wanner 2006, II.1.3",
-    ),
-)
+PEERS: tuple[Peer, ...] = tuple(_peer(**entry) for entry in entries(__file__))

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
+from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+
+from phasebench.integrators.errors import InvalidInput
 
 if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
@@ -38,30 +42,10 @@ class Claims:
 NOT_FINITE = "the state is no longer finite"
 
 
-class Start(NamedTuple):
-    """The input for which a peer, an integrator of another package, is built and compiled before it is timed.
-
-    Attributes
-    ----------
-    problem, system : the problem (or the system again, if there is none), and its system
-    q, p : arrays (d,), the initial state
-    tol : the tolerance of an adaptive peer; None for the package's default
-    """
-
-    problem: Any
-    system: Any
-    q: np.ndarray
-    p: np.ndarray
-    tol: float | None
-
-    @property
-    def state(self) -> np.ndarray:
-        """(q, p) as a new array (2 d,)."""
-        return np.concatenate([self.q, self.p]).astype(float)
-
-
 class Task(NamedTuple):
     """The input of a peer's run, which returns the states at certain times (its rows).
+
+    A prepared run has no rows: its step, or its end, is told when it is called.
 
     Attributes
     ----------
@@ -77,10 +61,10 @@ class Task(NamedTuple):
     system: Any
     q: np.ndarray
     p: np.ndarray
-    h: float
-    numbers: list[int]
-    times: np.ndarray
-    tol: float | None
+    h: float = 0.0
+    numbers: Sequence[int] = (0,)
+    times: Sequence[float] | np.ndarray = (0.0,)
+    tol: float | None = None
 
     @property
     def state(self) -> np.ndarray:
@@ -91,6 +75,14 @@ class Task(NamedTuple):
     def steps(self) -> int:
         """The number of steps from the start to the last row."""
         return self.numbers[-1]
+
+    def tolerances(self, *names: str) -> dict[str, float]:
+        """The tolerance as keyword arguments of a package, ``names``; {} for the package's default."""
+        return {} if self.tol is None else dict.fromkeys(names, self.tol)
+
+
+#: The input for which a run is prepared.
+Start = Task
 
 
 class Run(NamedTuple):
@@ -115,18 +107,57 @@ class Run(NamedTuple):
         return cls.of_states(task.state[None], *more)
 
 
+#: The codes that a package's call returns in a prepared run: the end was reached, or the package stopped before it.
+SOLVED, STALLED = 0, 1
+
+
+class Calls(NamedTuple):
+    """The functions of a package for a prepared run.
+
+    Attributes
+    ----------
+    restart : (y) -> None: set the state (q, p), array (2 d,), from which `advance` starts
+    advance : (t_end), or (h, steps) with fixed steps -> status code: reset, then the package's own call
+    state : () -> the state (q, p) reached, array (2 d,), a copy
+    keep : objects that must live as long as these functions, such as a callback whose address the package holds
+    """
+
+    restart: Callable[[np.ndarray], None]
+    advance: Callable[..., int]
+    state: Callable[[], np.ndarray]
+    keep: Any = None
+
+    @classmethod
+    def to_end(cls, task: Task, integrate: Callable[..., np.ndarray | None]) -> Calls:
+        """Make the `Calls` of ``integrate``: (y, t_end) or (y, h, steps) -> the final state, or None if it failed."""
+        begin, end = task.state, [task.state]
+
+        def restart(y: np.ndarray) -> None:
+            begin[:] = y
+
+        def advance(*size: float) -> int:
+            y = integrate(begin, *size)
+            if y is None:
+                return STALLED
+            end[0] = y
+            return SOLVED
+
+        return cls(restart, advance, lambda: np.array(end[0]))
+
+
 def anything(problem: Any, system: PartitionedSystem) -> str | None:
     """The function `Peer.lacks` of a peer that is applicable to every problem: returns None, no reason against it."""
     return None
 
 
-def split_alone(why: str) -> Callable[[Any, Any], str | None]:
-    """Make the `Peer.lacks` of a peer for canonical H = T(p) + V(q) only; it returns ``why`` for others, else None."""
+def only(scope: str, why: str, applicable: Callable[[PartitionedSystem], bool]) -> dict[str, Any]:
+    """Make the fields ``scope`` and ``lacks`` of a `Peer`; ``why`` it takes no system that is not ``applicable``."""
+    return {"scope": scope, "lacks": lambda problem, system: None if applicable(system) else why}
 
-    def lacks(problem: Any, system: PartitionedSystem) -> str | None:
-        return None if system.canonical and system.separable else why
 
-    return lacks
+def split_alone(why: str) -> dict[str, Any]:
+    """Make the fields ``scope`` and ``lacks`` of a `Peer` for H = T(p) + V(q) alone; ``why`` it takes no other."""
+    return only("H = T(p) + V(q)", why, lambda system: system.canonical and system.separable)
 
 
 class NotHere(str):
@@ -156,7 +187,7 @@ class Peer:
     source : author, year
     run : `Task` -> `Run` with the rows of the task up to a failure; the package may be imported here, but not at the
         top of the peer's module
-    prepare : `Start` -> `prepared.Calls`, a run built and compiled once; None if it cannot be prepared
+    prepare : `Task` without rows -> `Calls`, a run built and compiled once; None if it cannot be prepared
     scope : a description of the problems that it is applicable to
     lacks : (problem, system) -> the reason why it is not applicable to a problem, or None
     claims : the claims of its package
@@ -174,13 +205,13 @@ class Peer:
     id: str
     name: str
     package: str
-    adaptive: bool
-    order: int | None
     license: str
     about: str
     source: str
     run: Callable[[Task], Run]
-    prepare: Callable[[Start], Any] | None = None
+    adaptive: bool = False
+    order: int | None = None
+    prepare: Callable[[Task], Calls] | None = None
     scope: str = "any"
     lacks: Callable[[Any, Any], str | None] = anything
     claims: Claims = field(default_factory=Claims)
@@ -197,3 +228,15 @@ class Peer:
     def label(self) -> str:
         """The id; a peer has a label because the records of this project's methods have one."""
         return self.id
+
+    def tolerance(self, tol: float | None) -> float | None:
+        """The tolerance of a run, by default the peer's own; raises InvalidInput if the peer does not accept it."""
+        if tol is None:
+            return self.tol
+        if not self.adaptive:
+            raise InvalidInput(f"'{self.id}' takes steps of fixed size: give h, not tol")
+        if isinstance(tol, bool) or not isinstance(tol, Real) or not isfinite(tol) or not 0 < tol < 1:
+            raise InvalidInput(f"tol is {tol!r}; it must be a number between 0 and 1")
+        if tol < self.least:
+            raise InvalidInput(f"tol is {tol!r}; '{self.id}' takes none below {self.least:.3g}")
+        return float(tol)

@@ -2,49 +2,19 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 from phasebench.integrators.names import Records, unknown_method
 
-from . import (
-    ase,
-    blackjax,
-    boost,
-    desolver,
-    diffrax,
-    gala,
-    galpy,
-    gsl,
-    heyoka,
-    jax_md,
-    mujoco,
-    openmm,
-    pyhamsys,
-    pynamicalsys,
-    rebound,
-    scipy,
-    sundials4py,
-)
 from .record import Peer
 
 #: First the packages that the suite depends on, then those of the extra ``peers``.
-PACKAGES = (
-    heyoka,
-    rebound,
-    scipy,
-    gala,
-    galpy,
-    desolver,
-    pyhamsys,
-    diffrax,
-    sundials4py,
-    boost,
-    gsl,
-    pynamicalsys,
-    blackjax,
-    openmm,
-    ase,
-    jax_md,
-    mujoco,
+NAMES = (
+    *("heyoka", "rebound", "scipy"),
+    *("gala", "galpy", "desolver", "pyhamsys", "diffrax", "sundials4py", "boost", "gsl", "pynamicalsys"),
+    *("blackjax", "openmm", "ase", "jax_md", "mujoco"),
 )
+PACKAGES = tuple(import_module(f"{__package__}.{name}") for name in NAMES)
 
 BY_ID = {p.id: p for package in PACKAGES for p in package.PEERS}
 

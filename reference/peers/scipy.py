@@ -15,23 +15,24 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from packaging.version import Version
 
+from phasebench.reference.files import entries
+
 from .field import compiled_field
-from .record import NOT_FINITE, Claims, Peer, Run, Start, Task
+from .record import NOT_FINITE, Calls, Claims, Peer, Run, Task
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver, ode
 
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
-    from .prepared import Calls
-
 #: SciPy's default tolerances.
-RTOL, ATOL = 1e-3, 1e-6
+DEFAULTS = {"rtol": 1e-3, "atol": 1e-6}
 #: Largest number of steps: near a singularity LSODA's steps may shrink without end.
 STEP_LIMIT = 1_000_000
 DOCUMENTATION = "https://docs.scipy.org/doc/scipy/reference/generated/scipy.integrate.{}.html"
@@ -42,12 +43,12 @@ def _solve(solver_name: str, compiled: bool) -> Callable[[Task], Run]:
         import scipy.integrate
 
         field = compiled_field(task.system) if compiled else task.system.vector_field()
-        y, t, tol = task.state, task.times, task.tol
+        y, t = task.state, task.times
         field(0.0, y)
         rows = np.empty((len(t), len(y)))
         rows[0] = y
         row, steps, failure = 1, 0, None
-        tolerances = {"rtol": RTOL if tol is None else tol, "atol": ATOL if tol is None else tol}
+        tolerances = DEFAULTS | task.tolerances("rtol", "atol")
         with np.errstate(all="ignore"), warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")  # LSODA reports the reason of a failure as a warning
             started = time.perf_counter()
@@ -76,16 +77,16 @@ def _solve(solver_name: str, compiled: bool) -> Callable[[Task], Run]:
     return run
 
 
-def _prepare(solver_name: str, compiled: bool) -> Callable[[Start], Calls]:
+def _prepare(solver_name: str, compiled: bool) -> Callable[[Task], Calls]:
     """Make the `Peer.prepare` of a SciPy solver: the loop over steps of ``solve_ivp``, without storing states."""
 
-    def prepare(start: Start) -> Calls:
+    def prepare(task: Task) -> Calls:
         import scipy.integrate
 
         solver_of = getattr(scipy.integrate, solver_name)
-        field = compiled_field(start.system) if compiled else start.system.vector_field()
-        tolerances = {"rtol": start.tol, "atol": start.tol} if start.tol else {"rtol": RTOL, "atol": ATOL}
-        return _calls(start, lambda y, t_end: _steps(solver_of(field, 0.0, y, t_end, **tolerances)))
+        field = compiled_field(task.system) if compiled else task.system.vector_field()
+        tolerances = DEFAULTS | task.tolerances("rtol", "atol")
+        return Calls.to_end(task, lambda y, t_end: _steps(solver_of(field, 0.0, y, t_end, **tolerances)))
 
     return prepare
 
@@ -97,25 +98,6 @@ def _steps(solver: OdeSolver) -> np.ndarray | None:
         step()
         most -= 1
     return solver.y if solver.status == "finished" else None
-
-
-def _calls(start: Start, integrate: Callable[[np.ndarray, float], np.ndarray | None]) -> Calls:
-    """The `Calls` of a prepared run, given ``integrate``: (y, t_end) -> the final state, or None if it failed."""
-    from .prepared import SOLVED, STALLED, Calls
-
-    begin, end = start.state, [start.state]
-
-    def restart(y: np.ndarray) -> None:
-        begin[:] = y
-
-    def advance(t_end: float) -> int:
-        y = integrate(begin, t_end)
-        if y is None:
-            return STALLED
-        end[0] = y
-        return SOLVED
-
-    return Calls(restart, advance, lambda: np.array(end[0]))
 
 
 def _failure(solver: OdeSolver, message: str | None, before: float, steps: int) -> str | None:
@@ -141,12 +123,12 @@ def _off(problem: Any, system: PartitionedSystem) -> str | None:
     return None if codegen.compiled() else "compilation is off (NUMBA_DISABLE_JIT)"
 
 
-def _peers(solver: str, name: str, more: str, source: str, order: int | None) -> tuple[Peer, Peer]:
+def _peers(solver: str, name: str, source: str, order: int | None = None, more: str = "") -> tuple[Peer, ...]:
     """Make the records of a SciPy solver: with a Python right-hand side, and with a compiled one.
 
     ``more`` is added to the records' text ``about``; ``order`` is the order that SciPy claims.
     """
-    about = f"rtol = atol = tol, by default SciPy's rtol = {RTOL:g} and atol = {ATOL:g}; {more}"
+    about = f"rtol = atol = tol, by default SciPy's rtol = 0.001 and atol = 1e-06; {more}"
     kinds = (
         ("", "Python right-hand side", "the right-hand side is a Python call", {}),
         ("-numba", "right-hand side compiled by Numba", "the steps are SciPy's in Python", {"lacks": _off}),
@@ -157,7 +139,6 @@ def _peers(solver: str, name: str, more: str, source: str, order: int | None) ->
             f"{name}, {side}",
             package="scipy",
             adaptive=True,
-            order=None,
             license="BSD-3-Clause",
             about=f"{about}{side_more}",
             source=source,
@@ -171,86 +152,46 @@ def _peers(solver: str, name: str, more: str, source: str, order: int | None) ->
     )
 
 
-PEERS = (
-    *_peers("DOP853", "DOP853, Dormand-Prince of order 8(5,3)", "", "Hairer, Norsett & Wanner 1993, II.5", 8),
-    *_peers(
-        "Radau",
-        "Radau IIA of order 5",
-        "the Jacobian is SciPy's by differences, and its evaluations are counted; ",
-        "Hairer & Wanner 1996, IV.8",
-        5,
-    ),
-    *_peers(
-        "LSODA",
-        "LSODA, Adams and BDF of adaptive order",
-        "it changes between Adams and BDF by itself, with the Jacobian by differences; ",
-        "Petzold 1983, SIAM J. Sci. Stat. Comput. 4, 136-148",
-        None,
-    ),
-)
+PEERS: tuple[Peer, ...] = tuple(p for entry in entries(__file__) for p in _peers(**entry))
+
+SOLVED = "Integration successful."
 
 
-def _odeint(field: Callable[[float, np.ndarray], np.ndarray], task: Task) -> tuple[np.ndarray, int, int, str | None]:
-    """Run LSODA by SciPy's ``odeint``, whose loop is compiled: (rows, steps, evaluations, failure or None)."""
+def _lsoda(task: Task) -> Callable[..., tuple[np.ndarray, dict]]:
+    """LSODA by SciPy's ``odeint`` for a task's system and tolerance: (y, times) -> (rows, what it tells)."""
     from scipy.integrate import odeint
 
-    tolerances = {"rtol": task.tol, "atol": task.tol} if task.tol is not None else {}
-    rows, said = odeint(field, task.state, task.times, tfirst=True, mxstep=STEP_LIMIT, full_output=True, **tolerances)
-    good = said["message"] == "Integration successful."
-    return rows if good else rows[:1], int(said["nst"][-1]), int(said["nfe"][-1]), None if good else said["message"]
+    options = {"tfirst": True, "mxstep": STEP_LIMIT, "full_output": True} | task.tolerances("rtol", "atol")
+    return partial(odeint, compiled_field(task.system), **options)
 
 
-def _dop853(field: Callable[[float, np.ndarray], np.ndarray], tolerances: dict[str, float]) -> ode:
-    """Make SciPy's `ode` with DOP853 for a right-hand side; before SciPy 1.17 a compiled one is wrapped in Python."""
+def _dop853(task: Task) -> ode:
+    """DOP853 by SciPy's `ode`; before SciPy 1.17 a compiled right-hand side is wrapped in Python."""
     import scipy
     from scipy.integrate import ode
 
+    field = compiled_field(task.system)
     wrapped = Version(scipy.__version__) < Version("1.17")
     f = (lambda t, y: field(t, y)) if wrapped else field
-    return ode(f).set_integrator("dop853", nsteps=STEP_LIMIT, **tolerances)
+    return ode(f).set_integrator("dop853", nsteps=STEP_LIMIT, **task.tolerances("rtol", "atol"))
 
 
-def _ode(field: Callable[[float, np.ndarray], np.ndarray], task: Task) -> tuple[np.ndarray, int, int, str | None]:
-    """Run DOP853 by SciPy's ``ode``, whose loop is compiled: (rows, 0, 0, failure or None).
+def _run_fast(solver: str, made: Any, task: Task) -> tuple[np.ndarray, int, int, str | None]:
+    """Run a task by SciPy's ``odeint`` or ``ode``, as `_lsoda` or `_dop853` has ``made`` it.
 
-    The zeros stand for steps and evaluations, which are not counted; steps end at the rows.
+    Returns (rows, steps, evaluations, failure or None); ``ode`` ends steps at the rows and counts none.
     """
-    tolerances = {"rtol": task.tol, "atol": task.tol} if task.tol is not None else {}
-    solver = _dop853(field, tolerances).set_initial_value(task.state, 0.0)
+    if solver == "odeint":
+        rows, said = made(task.state, task.times)
+        failure = None if said["message"] == SOLVED else said["message"]
+        return rows if failure is None else rows[:1], int(said["nst"][-1]), int(said["nfe"][-1]), failure
+    made.set_initial_value(task.state, 0.0)
     rows = [task.state]
     for t in task.times[1:]:
-        rows.append(solver.integrate(t))
-        if not solver.successful():
-            return np.array(rows[:-1]), 0, 0, f"DOP853 returned {solver.get_return_code()}"
+        rows.append(made.integrate(t))
+        if not made.successful():
+            return np.array(rows[:-1]), 0, 0, f"DOP853 returned {made.get_return_code()}"
     return np.array(rows), 0, 0, None
-
-
-def _prepare_fast(solver: str) -> Callable[[Start], Calls]:
-    """Make the `Peer.prepare` of SciPy's ``odeint`` or ``ode``, which are called for the final state only."""
-
-    def prepare(start: Start) -> Calls:
-        from scipy.integrate import odeint
-
-        field = compiled_field(start.system)
-        tolerances = {"rtol": start.tol, "atol": start.tol} if start.tol else {}
-        if solver == "odeint":
-
-            def integrate(y: np.ndarray, t_end: float) -> np.ndarray | None:
-                rows, said = odeint(
-                    field, y, (0.0, t_end), tfirst=True, mxstep=STEP_LIMIT, full_output=True, **tolerances
-                )
-                return rows[1] if said["message"] == "Integration successful." else None
-
-            return _calls(start, integrate)
-        made = _dop853(field, tolerances)
-
-        def whole(y: np.ndarray, t_end: float) -> np.ndarray | None:
-            end = made.set_initial_value(y, 0.0).integrate(t_end)
-            return end if made.successful() else None
-
-        return _calls(start, whole)
-
-    return prepare
 
 
 def fast(solver: str) -> Peer:
@@ -258,30 +199,41 @@ def fast(solver: str) -> Peer:
 
     ``solver`` is "odeint" (LSODA) or "ode" (DOP853); the right-hand side is compiled, too.
     """
-    work = {"odeint": _odeint, "ode": _ode}[solver]
-    name = {"odeint": "LSODA", "ode": "DOP853"}[solver]
+    name, build = {"odeint": ("LSODA", _lsoda), "ode": ("DOP853", _dop853)}[solver]
 
     def run(task: Task) -> Run:
-        field = compiled_field(task.system)
-        field(0.0, task.state)
+        made = build(task)
+        compiled_field(task.system)(0.0, task.state)
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the returned messages say the same
             started = time.perf_counter()
-            rows, steps, evaluations, failure = work(field, task)
+            rows, steps, evaluations, failure = _run_fast(solver, made, task)
             seconds = time.perf_counter() - started
         return Run.of_states(rows, steps, evaluations, seconds, failure)
+
+    def prepare(task: Task) -> Calls:
+        made = build(task)
+
+        def lsoda(y: np.ndarray, t_end: float) -> np.ndarray | None:
+            rows, said = made(y, (0.0, t_end))
+            return rows[1] if said["message"] == SOLVED else None
+
+        def dop853(y: np.ndarray, t_end: float) -> np.ndarray | None:
+            end = made.set_initial_value(y, 0.0).integrate(t_end)
+            return end if made.successful() else None
+
+        return Calls.to_end(task, lsoda if solver == "odeint" else dop853)
 
     return Peer(
         f"scipy-{solver}({name})",
         f"{name} by scipy.integrate.{solver}, its loop compiled, right-hand side compiled by Numba",
         package="scipy",
         adaptive=True,
-        order=None,
         license="BSD-3-Clause",
         about="rtol = atol = tol; SciPy's older interface",
         source="Petzold 1983; Hairer, Norsett & Wanner 1993, II.5",
         run=run,
-        prepare=_prepare_fast(solver),
+        prepare=prepare,
         lacks=_off,
         claims=Claims(source=DOCUMENTATION.format(solver)),
         least=100 * float(np.finfo(float).eps),

@@ -19,7 +19,6 @@ Source: C. J. Balos et al., SUNDIALS 7.9, ARKODE user guide, SPRKStep; the metho
 from __future__ import annotations
 
 import importlib
-import time
 from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -27,9 +26,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phasebench.integrators.record import BOUNDED
+from phasebench.reference.files import entries
 
 from .field import split_gradients
-from .record import NOT_FINITE, Claims, Peer, Run, Task, older_python, split_alone
+from .record import Claims, Peer, Run, Task, older_python, split_alone
+from .run import by_rows
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -137,28 +138,21 @@ def _build_run(method: str, compensated: bool) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         from sundials4py import arkode
 
-        state, numbers = task.state, task.numbers
+        state, end = task.state, task.h * max(task.steps, 1)
         integrator, vector = _integrator(method, compensated, task.system, state, task.h)
         memory, evolve, mode = integrator.get(), arkode.ARKodeEvolve, arkode.ARK_ONE_STEP
         before = _counts(memory)
-        end = task.h * max(task.steps, 1)
-        rows = np.empty((len(numbers), len(state)))
-        rows[0] = state
-        row, failure = 1, None
-        started = time.perf_counter()
-        while row < len(numbers) and failure is None:
-            for _ in range(numbers[row] - numbers[row - 1]):
+
+        def advance(i: int, n: int) -> str | None:
+            for _ in range(n):
                 code, reached = evolve(memory, end, vector, mode)
                 if code < 0:
-                    failure = f"ARKodeEvolve returned {code} after t = {reached:.6g}"
-                    break
-            else:
-                rows[row], row = state, row + 1
-                if not np.isfinite(state).all():
-                    failure = NOT_FINITE
-        seconds = time.perf_counter() - started
+                    return f"ARKodeEvolve returned {code} after t = {reached:.6g}"
+            return None
+
+        found = by_rows(task, advance, state.copy)
         steps, *evaluations = _counts(memory) - before
-        return Run.of_states(rows[:row], int(steps), int(max(evaluations)), seconds, failure)
+        return found._replace(steps=int(steps), gradient=int(max(evaluations)))
 
     return run
 
@@ -171,41 +165,20 @@ def sprk(name: str, source: str, about: str = "", *, compensated: bool = False) 
         f"sundials-{name.lower().replace('_', '-')}{'-compensated' if compensated else ''}",
         f"SUNDIALS's ARKODE_SPRK_{name}{', compensated sums' if compensated else ''}",
         package="sundials4py",
-        adaptive=False,
         order=order,
         license="BSD-3-Clause",
         about="; ".join(filter(None, [f"{stages} stages" if stages > 1 else "1 stage", about, sums, ABOUT])),
         source=source,
         run=_build_run(f"ARKODE_SPRK_{name}", compensated),
-        scope="H = T(p) + V(q)",
-        lacks=split_alone("SPRKStep's stages update q and p in turn: H must be T(p) + V(q)"),
         claims=Claims(order=order, symplectic=True, energy=BOUNDED, source=CLAIMED),
         load=load,
         settings={"ARKodeSetUseCompensatedSums": compensated},
         python=OLDEST,
+        **split_alone("SPRKStep's stages update q and p in turn: H must be T(p) + V(q)"),
     )
 
 
-MCLACHLAN = "McLachlan & Atela 1992, Nonlinearity 5, 541-562"
-CANDY = "Candy & Rozmus 1991, J. Comput. Phys. 92, 230-256"
-NYSTROM = "order {} where T is quadratic, 3 where it is not"
-
-METHODS = (
-    ("EULER_1_1", "Hairer, Lubich & Wanner 2006, I.1.2; kicks first"),
-    ("LEAPFROG_2_2", "Hairer, Lubich & Wanner 2006, I.1.4; drift-kick-drift"),
-    ("PSEUDO_LEAPFROG_2_2", "Hairer, Lubich & Wanner 2006, I.1.4; kick-drift-kick"),
-    ("MCLACHLAN_2_2", MCLACHLAN),
-    ("RUTH_3_3", "Ruth 1983, IEEE Trans. Nucl. Sci. 30, 2669-2671"),
-    ("MCLACHLAN_3_3", MCLACHLAN),
-    ("MCLACHLAN_4_4", MCLACHLAN, NYSTROM.format(4)),
-    ("CANDY_ROZMUS_4_4", CANDY),
-    ("MCLACHLAN_5_6", MCLACHLAN, NYSTROM.format(5)),
-    ("YOSHIDA_6_8", "Yoshida 1990, Phys. Lett. A 150, 262-268"),
-    ("SUZUKI_UMENO_8_16", "Suzuki & Umeno 1993; McLachlan 1995, SIAM J. Sci. Comput. 16, 151-168"),
-    ("SOFRONIOU_10_36", "Sofroniou & Spaletta 2005, Optim. Methods Softw. 20, 597-613"),
-)
-
 PEERS: tuple[Peer, ...] = (
-    *(sprk(*arguments) for arguments in METHODS),
-    *(sprk(*arguments, compensated=True) for arguments in METHODS),
+    *(sprk(**entry) for entry in entries(__file__)),
+    *(sprk(**entry, compensated=True) for entry in entries(__file__)),
 )

@@ -12,7 +12,7 @@ import pytest
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.reference.peers import PEERS, Task, galpy, integrate_peer
-from phasebench.reference.peers.galactic import is_henon_heiles, powers
+from phasebench.reference.peers.forms import is_henon_heiles, powers
 from support.needs import need
 
 HENON = problem("henon-heiles")

@@ -83,9 +83,10 @@ def test_source_is_compiled_once_and_a_damaged_library_is_compiled_anew(tmp_path
 def test_gsl_gets_the_jacobian_of_the_equations(tmp_path):
     """Compiled without GSL: the field's derivatives by differences, in a system whose Jacobian is not symmetric."""
     made = problem("double-pendulum")
-    text = gsl.source(made.system, "rk2imp")
+    text = gsl.program("rk2imp", made.system)
+    macros = "\n".join(line for line in text.splitlines() if line.startswith("#define"))
     parts = re.search(r"(static int field.*?)static void \*no_control", text, re.DOTALL)[1].replace("static int", "int")
-    head = "#include <math.h>\n#define GSL_SUCCESS 0\n#define D 2\nstatic long evaluations;\n"
+    head = f"#include <math.h>\n#define GSL_SUCCESS 0\n{macros}\nstatic long evaluations;\n"
     library = native.load_source(head + parts)
     y, slope, jacobian, of_t = np.array([0.3, -0.7, 0.2, 0.5]), np.empty(4), np.empty((4, 4)), np.empty(4)
 

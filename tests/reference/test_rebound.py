@@ -11,9 +11,9 @@ import pytest
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.outer_solar_system import BODIES, G
 from phasebench.integrators import Hamiltonian, InvalidInput
-from phasebench.reference.peers import BY_ID, PEERS, integrate_peer, interrupts, particles
+from phasebench.reference.peers import BY_ID, PEERS, forms, integrate_peer, interrupts, particles
 from phasebench.reference.peers import rebound as peers
-from phasebench.reference.peers.particles import CENTRAL, GRAVITY, POTENTIAL
+from phasebench.reference.peers.forms import CENTRAL, GRAVITY, POTENTIAL
 from phasebench.reference.peers.prepared import prepare_peer
 from phasebench.reference.peers.record import NotHere
 from phasebench.reference.solvers.taylor import reference
@@ -40,7 +40,7 @@ def test_accelerations_are_those_of_the_system(which):
     name, *parameters = which
     here = problem(name, **dict(parameters))
     system, (kinds, masses) = here.system, GIVEN[which]
-    settings = particles.settings(system)
+    settings = forms.settings(system)
     assert [*settings] == kinds
     q = np.array(here.q0) + np.random.default_rng(1).normal(size=system.d) / 10
     for kind, setting in settings.items():
@@ -71,7 +71,7 @@ def test_accelerations_are_those_of_the_system(which):
     ],
 )
 def test_gravity_between_two_bodies_is_recognized(kinetic, potential, kind):
-    found = particles.settings(Hamiltonian(q="x y z w", p="a b c d", H=f"{kinetic} + {potential}"))
+    found = forms.settings(Hamiltonian(q="x y z w", p="a b c d", H=f"{kinetic} + {potential}"))
     assert next(iter(found), None) == kind
     if kind == GRAVITY:
         assert (found[kind].masses, found[kind].G, found[kind].dimension) == ((2.0, 3.0), 3.0, 2)
@@ -83,8 +83,8 @@ def test_gravity_has_a_single_constant(last, kind):
     V = "".join(f" - {c}/sqrt((x{i} - x{j})**2 + (y{i} - y{j})**2)" for (i, j), c in pairs.items())
     T = "(a1**2 + b1**2 + a2**2 + b2**2 + a3**2 + b3**2)/2"
     system = Hamiltonian(q="x1 y1 x2 y2 x3 y3", p="a1 b1 a2 b2 a3 b3", H=T + V)
-    assert next(iter(particles.settings(system))) == kind
-    assert particles.settings(problem("outer-solar-system").system)[GRAVITY].G == G
+    assert next(iter(forms.settings(system))) == kind
+    assert forms.settings(problem("outer-solar-system").system)[GRAVITY].G == G
 
 
 # -- refusals ---------------------------------------------------------------------------------------------------------
@@ -161,7 +161,7 @@ def test_ias15_passes_zeros_of_the_acceleration():
     here = problem("figure-eight")
     end = reference(here, [10.0], certify=False).q[0]
     assert np.abs(integrate_peer(here, "rebound-ias15", t_end=10.0).q[-1] - end).max() < 1e-12
-    sim, _ = particles.build(particles.settings(here.system)[GRAVITY], here.q0, here.p0, "ias15")
+    sim, _ = particles.build(forms.settings(here.system)[GRAVITY], here.q0, here.p0, "ias15")
     sim.steps(5000)
     assert 1 < sim.t < 1.06
 

@@ -26,7 +26,7 @@ from phasebench.benchmarks.store.cells import ALONE, ProblemKey, Unavailable
 from phasebench.integrators.compile.codegen import TUPLE_LIMIT
 from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.registry import BY_ID
-from phasebench.reference.peers import particles
+from phasebench.reference.peers import forms, particles
 
 from .systems import OMEGA, SPACING, SYSTEMS, Large
 
@@ -89,7 +89,7 @@ def enough(run: Callable[[int], object]) -> int:
 def _rebound(system: Large, d: int, steps: int) -> Callable[[], object]:
     """A function that goes on by ``steps`` steps of REBOUND's leapfrog with direct summation."""
     N = d // system.unit
-    setting = particles.Setting(particles.GRAVITY, (1.0 / N,) * N, 3, 0, (1.0,) * d)
+    setting = forms.Setting(forms.GRAVITY, (1.0 / N,) * N, 3, 0, (1.0,) * d)
     sim, _ = particles.build(setting, *system.start(d), "leapfrog")
     sim.dt = system.h
     return lambda: sim.steps(steps)
