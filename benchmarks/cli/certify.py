@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from phasebench.reference.certificates.check import Outcome
     from phasebench.reference.certificates.stored import Certificate
 
-#: Heading -> (column of `rows.row`, digits) of the table.
+#: Heading -> (column of `Outcome.row`, digits) of the table.
 COLUMNS = {
     "t_end": ("t_end", 4),
     "error": ("error", 2),
@@ -62,7 +62,7 @@ def _stored(wanted: list[str], update: bool, as_json: bool) -> bool:
     """
     outcomes = _renewed(wanted, update)
     if as_json:
-        rows = [_row(o) for o in outcomes]
+        rows = [o.row() for o in outcomes]
         print_json({"references": rows, "stored": update and all(o.holds for o in outcomes)})
     else:
         _print_table(outcomes, update)
@@ -87,12 +87,6 @@ def _renewed(wanted: list[str], update: bool) -> list[Outcome]:
     return outcomes
 
 
-def _row(outcome: Outcome) -> dict[str, object]:
-    from phasebench.reference.certificates.rows import row
-
-    return row(outcome)
-
-
 def _print_table(outcomes: list[Outcome], update: bool) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -104,7 +98,7 @@ def _print_table(outcomes: list[Outcome], update: bool) -> None:
     table = Table(title=f"certified references (max norms at t_end; horizon: rounding to long double under {LIMIT:g})")
     for head in ("problem", *COLUMNS, ""):
         table.add_column(head, justify="right" if head in COLUMNS else "left", no_wrap=True)
-    for r in map(_row, outcomes):
+    for r in (o.row() for o in outcomes):
         verdict = [str(r["changed"])] if r["changed"] else []
         verdict += [f"{r['disagree']} of {r['pairs']} comparisons disagree"] if r["disagree"] else []
         verdict += [f"{r['unchecked']} of {r['states']} states without a comparison"] if r["unchecked"] else []

@@ -13,7 +13,6 @@ from phasebench.benchmarks.problems import labels
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.keywords import check_names
-from phasebench.reference.certificates.rows import row
 
 from .tabular import TabularResult
 
@@ -141,7 +140,7 @@ def certify(
         return _state(names[0], float(t_end), time_limit, progress)
     outcomes = recheck(labels(names), progress)
     wrong = tuple(o.certificate.problem for o in outcomes if not o.holds)
-    return References(tuple(row(o) for o in outcomes), not wrong, wrong)
+    return References(tuple(o.row() for o in outcomes), not wrong, wrong)
 
 
 def recheck(names: Sequence[str], progress: Callable[[str], None], update: bool = False) -> list[Outcome]:

@@ -28,7 +28,6 @@ from phasebench.reference.certificates.along import norm
 from phasebench.reference.certificates.horizon import CENTRAL, DRAWS, FASTEST, LIMIT
 from phasebench.reference.certificates.make import FACTOR, PRECISION
 from phasebench.reference.certificates.others import SAFETY
-from phasebench.reference.certificates.rows import row
 from phasebench.reference.certificates.stored import TELLING
 from phasebench.reference.solvers import taylor
 
@@ -42,7 +41,7 @@ MANY, TOLERANCE, LARGEST, QUADRUPLE = 240, "1e-60", 9, 113
 
 def stored_states(problem: str) -> dict[str, object]:
     """The stored reference states of an orbit, measured again."""
-    return row(check.recheck(problem_of(problem)))
+    return check.recheck(problem_of(problem)).row()
 
 
 def times(made: Problem, count: int = TIMES) -> list[float]:

@@ -70,6 +70,41 @@ class Outcome:
         """True if no statement is wrong and another solver agrees with every state."""
         return not self.wrong and all(e.agree for e in self.certificate.ends)
 
+    def row(self) -> dict[str, object]:
+        """The table row on the orbit, for `phasebench.certify` and for the report."""
+        known, ratios = self.certificate, self.ratios
+        last = known.ends[-1]
+        first = last.checks[0]
+        checks = [(e, c) for e in known.ends for c in e.checks]
+        return {
+            "problem": known.problem,
+            "t_end": known.t_end,
+            "states": len(known.ends),
+            "limit": known.limit,
+            "error": self.errors[-1],
+            "uncertainty": last.uncertainty,
+            "least bound": min(ratios),
+            "largest bound": max(ratios),
+            "long double": self.long_double,
+            "horizon": known.horizon,
+            "earliest": known.earliest,
+            "latest": known.latest,
+            "long double leaves": self.leaves,
+            "digits hold to the end": known.digits_horizon == known.t_end,
+            "growth": self.growth,
+            "rate": self.rate,
+            "energy": max(abs(e.energy) for e in known.ends),
+            "second solver": first.solver,
+            "distance": first.distance,
+            "its uncertainty": first.uncertainty,
+            "other solvers": ", ".join(last.format(c) for c in last.checks[1:]),
+            "disagree": self.disagree,
+            "pairs": sum(e.compares(c) for e, c in checks),
+            "no comparison": sum(not e.compares(c) for e, c in checks),
+            "unchecked": sum(not any(e.compares(c) for c in e.checks) for e in known.ends),
+            "changed": "; ".join(self.wrong),
+        }
+
 
 def examine(problem: Any, certificate: Certificate, grid_points: int = GRID) -> Outcome:
     """Measure again what a certificate states of a problem's orbit, and return the comparison.
@@ -104,10 +139,7 @@ def _times(problem: Any, times: list[float]) -> list[str]:
 
 
 def _bounds(ends: tuple[End, ...], errors: Iterable[float]) -> list[str]:
-    """A sentence for each stated uncertainty that is below the measured error, or above `LOOSE` times it.
-
-    ``ends`` are the certified states with their uncertainties, ``errors`` the measured errors of these states.
-    """
+    """A sentence for each stated uncertainty that is below the measured error, or above `LOOSE` times it."""
     wrong = []
     for end, error in zip(ends, errors, strict=True):
         if not error <= end.uncertainty <= LOOSE * error:
@@ -116,11 +148,7 @@ def _bounds(ends: tuple[End, ...], errors: Iterable[float]) -> list[str]:
 
 
 def _spans(certificate: Certificate, rounding: Rounding) -> list[str]:
-    """Compare a certificate's limit, horizon and interval of the horizon with measured ones: a sentence for each error.
-
-    The horizon and the two ends of its interval are times, which must lie in the `Rounding.band` of ``rounding``, the
-    simulation of round-off.
-    """
+    """A sentence for each of a certificate's limit, horizon and interval that is outside of the band measured."""
     low, high = rounding.band
     stated = Span(certificate.horizon, certificate.earliest, certificate.latest)
     same = certificate.limit == horizon.LIMIT

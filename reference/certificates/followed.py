@@ -82,10 +82,7 @@ class FollowedOrbit(NamedTuple):
         return horizon.Rounding([float(t) for t in self.times], self._size(), grown)
 
     def until(self) -> float:
-        """The last time at which the effect of rounding and the difference of the two runs are within the limit.
-
-        The limit is `horizon.LIMIT` times the state's size.
-        """
+        """The last time at which the effect of rounding and the difference of the two runs are within the limit."""
         apart = upto(np.abs(self.one - self.other).max(axis=1).astype(float))
         parted = horizon.within(self.times, apart, self._size())
         return min(self.rounding.span().horizon, parted)
@@ -151,10 +148,7 @@ def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def _sound(problem: Any, rows: np.ndarray, times: Sequence[float] | np.ndarray, what: str) -> np.ndarray:
-    """Return the states ``rows`` if they are finite and conserve the energy; else raise ReferenceFailed.
-
-    ``what`` names the solver in the message.
-    """
+    """The states ``rows`` of the solver ``what``; raises ReferenceFailed unless they are finite and keep the energy."""
     doubles = rows.astype(float)
     if not np.isfinite(doubles).all():
         bad = int(np.flatnonzero(~np.isfinite(doubles).all(axis=1))[0])

@@ -44,10 +44,7 @@ SHIFT, LOST, FASTEST = 2.0**-47, 1e-3, 3.0
 
 
 class Span(NamedTuple):
-    """The horizon, up to which an orbit can be followed, and the interval of times (earliest, latest) of this estimate.
-
-    In the interval 95 of 100 runs in long double leave the limit.
-    """
+    """The horizon, up to which an orbit can be followed, and the interval in which 95 of 100 runs leave the limit."""
 
     horizon: float
     earliest: float
@@ -70,20 +67,13 @@ class Rounding(NamedTuple):
     distances: np.ndarray
 
     def span(self, limit: float = LIMIT) -> Span:
-        """The horizon, the last time before the median effect of rounding exceeds ``limit``, and its interval.
-
-        The limit is relative to the state's size.
-        """
+        """The last time before the median effect exceeds ``limit`` of the state's size, and its interval."""
         median = np.median(self.distances, axis=0)
         return Span(*(within(self.grid, factor * median, self.size, limit) for factor in (1.0, *CENTRAL)))
 
     @property
     def band(self) -> tuple[Span, Span]:
-        """The least and the largest span that another machine may find, as a pair.
-
-        For the least one the limit is lowered by the share `SHARE` of it, and the times found are moved one grid point
-        back; for the largest one the limit is raised, and the times are moved one grid point ahead.
-        """
+        """The least and the largest span that another machine may find: limits by `SHARE` and one grid point apart."""
         less, more = (self.span(LIMIT * factor) for factor in (1 - SHARE, 1 + SHARE))
         return Span(*(self._beside(t, -1) for t in less)), Span(*(self._beside(t, 1) for t in more))
 

@@ -102,6 +102,11 @@ class End:
         """True if the comparison is valid and the distance is within the solver's plus the state's uncertainty."""
         return self.compares(check) and check.distance <= check.uncertainty + self.uncertainty
 
+    def format(self, check: Check) -> str:
+        """A comparison in words."""
+        text = f"{check.solver}: {check.distance:.2g} (own {check.uncertainty:.2g})"
+        return text if self.compares(check) else f"{text}, no comparison"
+
     @property
     def agree(self) -> bool:
         """True if there is a valid comparison with another solver, and all of them agree."""
@@ -179,10 +184,7 @@ def evaluate(problem: Any, expressions: Sequence, q: Sequence, p: Sequence) -> l
 
 
 def fingerprint(problem: Any) -> str:
-    """Text that identifies a problem's formulae, however they are written: digits of H at a state near the initial one.
-
-    There are 20 digits of each number; those of the vector field follow if the system is not canonical.
-    """
+    """Text that identifies a problem's formulae, however they are written: digits at a state near the initial one."""
     import mpmath
 
     system = problem.system

@@ -37,10 +37,7 @@ CANONICAL = only(
 
 @lru_cache(maxsize=128)
 def _compile(name: str, tol: float | None, system: Hamiltonian) -> Loop:
-    """The compiled loop over the steps of BlackJAX's integrator ``name`` on a system.
-
-    ``tol`` is the ``convergence_tol`` of the implicit midpoint rule; None for the package's default.
-    """
+    """The compiled loop over the steps of BlackJAX's integrator ``name``; ``tol`` is the midpoint rule's."""
     import blackjax.mcmc.integrators as package
     import jax.numpy as jnp
 

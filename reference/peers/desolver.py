@@ -77,10 +77,7 @@ def _right_hand_side(system: PartitionedSystem, sign: float = 1.0) -> Any:
 
 @lru_cache(maxsize=256)
 def _warm(which: str, size: int) -> None:
-    """Take one step with the integrator class ``which`` before any timing, so that lazy imports and set-up are done.
-
-    ``size`` is the number of components of the state.
-    """
+    """Take one step with the integrator class ``which`` before any timing, so that lazy imports and set-up are done."""
     _integrator(which, size, 0.1)(load().DiffRHS(lambda t, y: -y), np.float64(0.0), np.ones(size), {}, np.float64(0.1))
 
 
@@ -181,8 +178,7 @@ def _peer(
     """Make the record of desolver's integrator class ``which``.
 
     ``order`` is the measured order, ``claim`` the order that the class states, if it differs, ``symplectic`` its
-    statement about that property.  With ``adaptive`` the peer takes adaptive steps, else constant ones.  The other
-    arguments are fields of the record.
+    statement about that property.
     """
     richardson = which.startswith(RICHARDSON)
     class_name = which.removeprefix(RICHARDSON)

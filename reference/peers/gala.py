@@ -61,10 +61,7 @@ def _warm(integrator: str) -> None:
 
 @lru_cache(maxsize=64)
 def _potential(system: Hamiltonian) -> Any:
-    """Make gala's Hamiltonian object for a system whose potential gala has in C.
-
-    A first step is taken with each integrator, so that set-up is not timed later.
-    """
+    """gala's Hamiltonian object for a system whose potential it has in C, after a step with each integrator."""
     import gala.potential
 
     if is_henon_heiles(system):

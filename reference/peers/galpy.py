@@ -207,10 +207,7 @@ def _hopeless(system: Hamiltonian, q: tuple, p: tuple, end: float) -> str | None
 
 @lru_cache(maxsize=256)
 def _warm(method: str, system: Hamiltonian, own: bool) -> Any:
-    """Make a system's potential for galpy and take a step in it, so that lazy imports and set-up are not timed.
-
-    The potential is one of galpy's own if ``own``, else a class in Python.  Returns the potential.
-    """
+    """A system's potential for galpy, its ``own`` or in Python, after a step in it, so that no set-up is timed."""
     potential = _builtin_potential(system) if own else _python_potential(system)
     start = _to_galpy([0.5, 0.25, 0.125][: system.d], [0.0] * system.d, _on_line(system, own))
     _integrate(method, potential, start, np.array([0.0, 1e-3]), {})

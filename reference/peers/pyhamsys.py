@@ -154,8 +154,7 @@ BOUND_ABOUT = f"two copies bound by omega = {OMEGA:g}; rows are their mean; symp
 def _peer(solver: str, order: int, about: str, source: str, *, position_first: bool = False, kind: str = "") -> Peer:
     """Make the record of pyhamsys's integrator ``solver``.
 
-    ``kind`` is "" for T + V, "extended" for two copies of phase space set to their mean, "omega" for two coupled ones;
-    for T + V the flow of T comes first if ``position_first``.  The other arguments are fields of it.
+    ``kind`` is "" for T + V, "extended" for two copies of phase space set to their mean, "omega" for two coupled ones.
     """
     extension = bool(kind)
     claim = Claims(order=order, symplectic=None if extension else True, source=EXTENDED if extension else README)

@@ -86,10 +86,7 @@ def _functions(system: Hamiltonian, implicit: bool) -> dict[str, Callable[..., A
 
 
 def _gradients(system: Hamiltonian, read: Callable[[np.ndarray], Any]) -> dict[str, Callable[..., Any]]:
-    """Compile the gradients of T and V as `_functions` says.
-
-    ``read`` turns an array (d,) into what this project's gradients take: a tuple of d numbers, or the array itself.
-    """
+    """Compile the gradients of T and V; ``read`` turns an array (d,) into what this project's gradients take."""
     import numba
 
     def on_arrays(gradient: Callable) -> Callable:
@@ -115,10 +112,7 @@ def _system(system: Hamiltonian, implicit: bool) -> Any:
 
 
 def _states(made: Any, y: np.ndarray, h: float, n: int) -> np.ndarray | None:
-    """Integrate n steps of h from y = (q, p): the states after each, array (n, 2 d); None if a step was not solved.
-
-    ``made`` is a ``HamiltonianSystem`` of pynamicalsys whose integrator is set.
-    """
+    """Integrate n steps of h from y = (q, p): the states after each, array (n, 2 d); None if a step was not solved."""
     d = len(y) // 2
     with contextlib.redirect_stdout(io.StringIO()):
         try:

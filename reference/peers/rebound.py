@@ -131,10 +131,7 @@ ADAPTIVE_MODES = ("prs23", "individual", "global", "aarseth85")
 
 
 def ias15(mode: str = ADAPTIVE_MODES[0]) -> Peer:
-    """Make the record of IAS15 with one of its rules for the step size, `ADAPTIVE_MODES`; the first is the default.
-
-    Only the record with the default rule is in the registry.
-    """
+    """The record of IAS15 with one of its rules for the step size, `ADAPTIVE_MODES`; the registry has the first."""
     options = {} if mode == ADAPTIVE_MODES[0] else {"adaptive_mode": mode}
     return _peer(
         "ias15" if not options else f"ias15(adaptive_mode={mode})",

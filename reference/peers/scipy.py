@@ -101,10 +101,7 @@ def _steps(solver: OdeSolver) -> np.ndarray | None:
 
 
 def _failure(solver: OdeSolver, message: str | None, before: float, steps: int) -> str | None:
-    """The reason why a run of a SciPy solver ends after this step; None if it goes on.
-
-    ``message`` is the step's result, ``before`` the time before it, ``steps`` the number of steps before it.
-    """
+    """The reason why a run ends after this step, at whose start ``before`` and ``steps`` stood; None if it goes on."""
     if solver.status == "failed":
         return message or "SciPy gave no reason"
     if not np.isfinite(solver.y).all():
@@ -124,10 +121,7 @@ def _off(problem: Any, system: PartitionedSystem) -> str | None:
 
 
 def _peers(solver: str, name: str, source: str, order: int | None = None, more: str = "") -> tuple[Peer, ...]:
-    """Make the records of a SciPy solver: with a Python right-hand side, and with a compiled one.
-
-    ``more`` is added to the records' text ``about``; ``order`` is the order that SciPy claims.
-    """
+    """The records of a SciPy solver, with a Python and a compiled right-hand side; SciPy claims the ``order``."""
     about = f"rtol = atol = tol, by default SciPy's rtol = 0.001 and atol = 1e-06; {more}"
     kinds = (
         ("", "Python right-hand side", "the right-hand side is a Python call", {}),

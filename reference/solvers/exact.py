@@ -68,10 +68,7 @@ def exact(
 def _oscillator(
     problem: Any, q: list[mpmath.mpf], p: list[mpmath.mpf]
 ) -> Callable[[mpmath.mpf], tuple[list[mpmath.mpf], list[mpmath.mpf]]]:
-    """The exact solution of the harmonic oscillator, a function t -> (q, p).
-
-    The frequency is that of the system's force, in which omega**2 is rounded to double.
-    """
+    """The solution t -> (q, p) of the harmonic oscillator; omega**2 is that of the force, rounded to double."""
     import mpmath
     import sympy as sp
 

@@ -57,10 +57,7 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau() -> Tableau:
-    """The coefficients of Gauss's method of `STAGES` stages, to more digits than a long double has.
-
-    Rounded coefficients would make energy and phase drift at a constant rate.
-    """
+    """The coefficients of Gauss's method; rounded ones would make energy and phase drift at a constant rate."""
     import mpmath
 
     from phasebench.integrators.coefficients.tableaus import runge_kutta
@@ -245,10 +242,8 @@ def _root(f: Callable[[np.longdouble], np.longdouble], at_0: np.longdouble, h: n
 
 
 def _extrapolation(rule: Tableau, ratio: float) -> np.ndarray:
-    """The matrix (s, s) that extrapolates the slopes of a step's stages to the next step, ``ratio`` times as long.
-
-    The ratio is limited to 2: farther away the polynomial is a useless starting value.
-    """
+    """The matrix (s, s) that extrapolates the slopes of a step's stages to the next step, ``ratio`` times as long."""
+    # Farther away than twice the step the polynomial is a useless starting value.
     at = 1 + min(ratio, 2.0) * rule.c
     L = rule.weights[:, None] / (at[None, :] - rule.c[:, None])
     return (L / L.sum(axis=0)).astype(LONG)

@@ -77,19 +77,6 @@ class Reference:
     uncertainty: np.ndarray
     rounding: np.ndarray
 
-    def horizon(self, limit: float = 1e-13) -> float:
-        """The last of the times up to which the trajectory is certain to the relative accuracy ``limit``; 0 if none is.
-
-        Up to that time every uncertainty is at most ``limit`` times the max norm of the state (q, p) at its time.  NaN
-        if the reference has no uncertainties.
-        """
-        if np.isnan(self.uncertainty).all():
-            return float("nan")
-        size = np.abs(np.hstack([self.q, self.p])).max(axis=1)
-        bad = np.flatnonzero(~(self.uncertainty <= limit * size))
-        kept = self.t[: bad[0]] if len(bad) else self.t
-        return float(kept[-1]) if len(kept) else 0.0
-
 
 def equations(system: PartitionedSystem, fp: type | Bits) -> list:
     """The equations of motion of ``system`` for heyoka, [(variable, right-hand side), ...], q before p."""
@@ -163,11 +150,7 @@ def failure(outcome: Any) -> str | None:
 
 
 def _callback_options(run: str, t_end: float, ends: list[float] | None = None) -> dict:
-    """Keyword arguments for heyoka that make it call a function at each step; {} if none is needed.
-
-    The function reports to `watch` that the run named ``run`` has reached the time t of ``t_end``, and appends t to
-    ``ends``.
-    """
+    """Keyword arguments for heyoka that make it report the time of each step to `watch` and to ``ends``."""
     if ends is None and not watch.is_watched():
         return {}
 

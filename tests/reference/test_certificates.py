@@ -14,7 +14,6 @@ from phasebench.benchmarks.studies import references
 from phasebench.integrators import Hamiltonian, InvalidInput
 from phasebench.reference.certificates import check, horizon, make, others, stored
 from phasebench.reference.certificates.along import Precision, along
-from phasebench.reference.certificates.rows import row
 from phasebench.reference.solvers import gauss, taylor
 from phasebench.reference.solvers.exact import exact
 from support.commands import call
@@ -292,12 +291,12 @@ def test_the_row_of_a_reference():
         replace(known, ends=ends),
         errors=tuple(e.uncertainty / n for e, n in zip(ends, (8, 2, 4, 0), strict=True) if n) + (0.0,),
     )
-    found = row(told)
+    found = told.row()
     assert (found["least bound"], found["largest bound"]) == (pytest.approx(2.0), float("inf"))
     assert (found["energy"], found["no comparison"], found["unchecked"], found["disagree"]) == (1e-3, 1, 1, 1)
     assert found["pairs"] == sum(len(e.checks) for e in known.ends) - len(b.checks) + 1
     assert not told.holds
-    assert row(outcome(known))["disagree"] == 0
+    assert outcome(known).row()["disagree"] == 0
 
 
 def test_how_long_the_digits_hold_and_what_has_moved():

@@ -133,22 +133,15 @@ def test_the_exact_solution_lies_within_the_uncertainty(name, parameters, start)
         assert (distance(found, off)[4:] > 10 * found.uncertainty[4:]).all()
 
 
-def test_uncertainty_grows_on_a_chaotic_orbit_and_ends_the_horizon():
+def test_uncertainty_grows_on_a_chaotic_orbit():
     found = reference(problem("henon-heiles:chaotic"), np.array([i * 10.0 for i in range(41)]))
     assert found.uncertainty[0] == 0
     assert found.uncertainty[1] < 1e-17 < 1e-9 < found.uncertainty[-1]
-    assert 0 < found.horizon(1e-16) < found.horizon() < found.horizon(1e-8)
-    assert found.horizon(0.0) == 0.0
-    i, size = int(found.horizon() / 10), np.abs(np.hstack([found.q, found.p])).max(axis=1)
-    assert 5 < i < 30
-    assert found.uncertainty[i] <= 1e-13 * size[i]
-    assert found.uncertainty[i + 1] > 1e-13 * size[i + 1]
 
 
 def test_rows_are_the_rounded_long_double_run():
     found = reference(problem("henon-heiles:box"), TIMES, certify=False)
     assert np.isnan(found.uncertainty).all()
-    assert np.isnan(found.horizon())
     doubles = np.hstack([found.q, found.p])
     long = np.vectorize(np.longdouble, otypes=[np.longdouble])(np.hstack([found.q_text, found.p_text]))
     assert (long.astype(float) == doubles).all()
