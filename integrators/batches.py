@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, replace
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +45,7 @@ class Orbits:
     q, p : arrays (n, d), the initial states
     h, steps, every : arrays (n,): step, number of steps, number of steps between two rows
     kinds, kind : list of the different methods, and array (n,): for each orbit the index of its method in ``kinds``
+    rows : room for so many rows, of which the first, the initial state, is filled
     Q, P : arrays (n, rows, d), NaN where a row is not filled
     filled : array (n,), the number of good rows
     status, reason : arrays (n,) of text
@@ -62,48 +63,23 @@ class Orbits:
     every: np.ndarray
     kinds: list[Method]
     kind: np.ndarray
-    Q: np.ndarray
-    P: np.ndarray
-    filled: np.ndarray
-    status: np.ndarray
-    reason: np.ndarray
-    counts: dict[str, int]
-    lock: Lock = field(default_factory=Lock, repr=False)
-    halt: Event = field(default_factory=Event, repr=False)
-    cost: dict[int, float] = field(default_factory=dict, repr=False)
+    rows: InitVar[int]
 
-    @classmethod
-    def create(
-        cls,
-        system: PartitionedSystem,
-        q: np.ndarray,
-        p: np.ndarray,
-        h: np.ndarray,
-        steps: np.ndarray,
-        every: np.ndarray,
-        kinds: list[Method],
-        kind: np.ndarray,
-        rows: int,
-    ) -> Orbits:
-        """Create the `Orbits` with room for ``rows`` rows each, of which the first, the initial state, is filled.
-
-        The other arguments become the attributes of the same names.
-        """
-        n = len(q)
-        Q, P = (np.full((n, rows, system.d), np.nan) for _ in "qp")
-        Q[:, 0], P[:, 0] = q, p
-        counts = dict.fromkeys(TALLY, 0)
-        status, reason = (np.full(n, text, dtype=object) for text in (OK, ""))
-        return cls(system, q, p, h, steps, every, kinds, kind, Q, P, np.ones(n, int), status, reason, counts)
+    def __post_init__(self, rows: int) -> None:
+        n = len(self.q)
+        self.Q, self.P = (np.full((n, rows, self.system.d), np.nan) for _ in "qp")
+        self.Q[:, 0], self.P[:, 0] = self.q, self.p
+        self.filled = np.ones(n, int)
+        self.status, self.reason = (np.full(n, text, dtype=object) for text in (OK, ""))
+        self.counts = dict.fromkeys(TALLY, 0)
+        self.lock, self.halt = Lock(), Event()
+        self.cost: dict[int, float] = {}
 
     #: Orbits of a batch that are integrated to their end before the next; all where that is 0.
     group = 0
 
     def max_steps(self, every: int, orbits: int) -> int:
-        """Return the largest number of steps of one kernel call (of the compiled loop over steps): here always `PIECE`.
-
-        In a subclass it may depend on ``every``, the number of steps between two rows, and on the number of ``orbits``.
-        """
+        """The largest number of steps of one kernel call, for rows ``every`` steps apart and so many ``orbits``."""
         return PIECE
 
     def check_halt(self, *_: object) -> None:
@@ -144,10 +120,7 @@ class Orbits:
             yield piece
 
     def room(self, i: int, first: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the parts (rows, d) of Q[i] and P[i] into which the kernel writes ``rows`` rows of orbit i.
-
-        The first of them has the number ``first``; row 0 is the one after the initial state.
-        """
+        """The parts (rows, d) of Q[i] and P[i] for ``rows`` rows from ``first`` on; row 0 follows the initial state."""
         filled = slice(1 + first, 1 + first + rows)
         return self.Q[i, filled], self.P[i, filled]
 
@@ -173,7 +146,7 @@ class Orbits:
         self.filled[members] = self.Q.shape[1]
 
     def enter(self, i: int, solution: Solution) -> None:
-        """Store the rows, status and counts of orbit i from its ``solution``; it was integrated outside of a batch."""
+        """Store the rows, status and counts of orbit i, which was integrated by itself."""
         filled = len(solution.q)
         self.Q[i], self.P[i] = np.nan, np.nan
         self.Q[i, :filled], self.P[i, :filled] = solution.q, solution.p
@@ -181,20 +154,17 @@ class Orbits:
         self.conclude(i, solution)
 
     def conclude(self, i: int, solution: Solution) -> None:
-        """Store the status and reason of orbit i from its ``solution``, and add its counts to those of the ensemble."""
+        """Store the status and reason of orbit i, and add its counts to those of the ensemble."""
         self.status[i], self.reason[i] = solution.status, solution.reason
         with self.lock:
             for name, number in solution.counts.items():
                 self.counts[name] = self.counts.get(name, 0) + number
 
     def forget(self, members: np.ndarray) -> None:
-        """Discard what a subclass has stored besides rows for the orbits ``members``, before they are integrated again.
-
-        Here there is nothing to discard.
-        """
+        """Discard what a subclass has stored of orbits besides rows, before they are integrated again."""
 
     def suspects(self, members: np.ndarray) -> np.ndarray:
-        """The indices among ``members`` of the orbits that `integrate` must integrate again to find how they ended."""
+        """The indices among ``members`` of the orbits that are integrated again to determine their status."""
         return find_doubtful(self, members)
 
 
@@ -223,10 +193,7 @@ def runs_in_lanes(system: PartitionedSystem, method: Method) -> bool:
 
 
 def build(orbits: Orbits, members: np.ndarray) -> list[Batch]:
-    """Divide the orbits with the indices ``members`` into batches, and compile the kernels of these.
-
-    The orbits of a batch have the same kernel and number of steps.
-    """
+    """Divide the orbits with the indices ``members`` into batches, and compile the kernels of these."""
     twin = orbit_lanes.twin(orbits.system)
     parts: dict[tuple, list] = {}
     pairs, number = np.unique(np.stack([orbits.kind, orbits.steps])[:, members], axis=1, return_inverse=True)
@@ -237,11 +204,7 @@ def build(orbits: Orbits, members: np.ndarray) -> list[Batch]:
 
 
 def _shared_key(prepared: Prepared) -> tuple:
-    """Return a dictionary key of a prepared kernel: orbits whose kernels have equal keys can be in one batch.
-
-    It holds the kernel function and all coefficients except the step h and the weights of substeps, which may differ
-    from orbit to orbit.
-    """
+    """The kernel and all its coefficients but h and the weights of substeps, which may differ in a batch."""
     fields = {k: v for k, v in prepared.step._asdict().items() if k not in orbit_lanes.VARYING}
     return (prepared.run, *((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in fields.values()))
 
@@ -303,10 +266,7 @@ def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[in
 
 
 def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
-    """Integrate the orbits batch.members[part] to their end, `Orbits.group` of them at a time (all, if that is 0).
-
-    Returns (counts of steps, evaluations, ... by name, number of orbits).
-    """
+    """Integrate the orbits batch.members[part], `Orbits.group` at a time: (counts by name, number of orbits)."""
     total, n = Counter(), len(batch.members[part])
     first, last = part.start, part.start + n
     i = batch.members[first]
@@ -320,7 +280,6 @@ def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], i
 
 
 def _arguments(batch: Batch, part: slice, orbits: Orbits) -> tuple[Any, orbit_lanes.Tables, np.ndarray]:
-    """The steps, the states at the start and the counts of the orbits of a slice of a batch, in blocks."""
     members = batch.members[part]
     weights = {name: rows[part] for name, rows in batch.weights.items()}
     tables = orbit_lanes.tables_of(batch.prepared, orbits.q[members], orbits.p[members])
@@ -328,7 +287,6 @@ def _arguments(batch: Batch, part: slice, orbits: Orbits) -> tuple[Any, orbit_la
 
 
 def _measure(batch: Batch, orbits: Orbits) -> None:
-    """Measure the cost of a step of a block of orbits (`Orbits.measure`)."""
     varying, tables, counts = _arguments(batch, slice(0, LANES.n), orbits)
     q, p, parameter = (np.zeros((1, 1, n, LANES.n)) for n in (orbits.system.d, orbits.system.d, 1))
 
@@ -340,10 +298,7 @@ def _measure(batch: Batch, orbits: Orbits) -> None:
 
 
 def _integrate(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
-    """Integrate the orbits of a slice of a batch side by side in SIMD lanes, and store their rows in ``orbits``.
-
-    Returns the numbers of steps, evaluations and the like that were needed, by name.
-    """
+    """Integrate the orbits of a slice of a batch side by side, and store their rows; returns counts by name."""
     members = batch.members[part]
     n, d, width = len(members), orbits.system.d, LANES.n
     varying, tables, counts = _arguments(batch, part, orbits)
@@ -367,11 +322,7 @@ def _integrate(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
 
 
 def find_doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
-    """Return the indices among ``members`` of orbits that need a closer look to determine their status.
-
-    These orbits have a row that is not finite, a large energy error (`flag_energy_errors`), or a step across a
-    singularity.
-    """
+    """The indices among ``members`` of orbits with a row that is not finite, a large energy error, or a crossing."""
     if not len(members):
         return members
     Q, P = orbits.Q[members], orbits.P[members]

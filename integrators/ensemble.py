@@ -16,7 +16,7 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from .threads import map_slices
 
 if TYPE_CHECKING:
     from .keywords import State, States, Value
+    from .systems.hamiltonian import PartitionedSystem
 
 Floats = NDArray[np.float64]
 
@@ -195,11 +196,7 @@ def run(
 
 
 def run_alone(orbits: Orbits, alone: Alone, progress: Callable[[int], None] | None = None) -> tuple[np.ndarray, float]:
-    """Integrate orbits one after the other by ``alone(orbits, i)``, a function that returns the solution of orbit i.
-
-    The solutions are stored in ``orbits``.  Returns what `run` returns: (array (n,), all False since no orbit ran in
-    SIMD lanes; seconds of the integration).
-    """
+    """Integrate orbits as `run` does, one after the other by ``alone(orbits, i)``, which returns a solution."""
     good = np.flatnonzero(orbits.status == OK)
     tell = _Progress(progress)
     tell(len(orbits.q) - len(good))
@@ -211,11 +208,7 @@ def run_alone(orbits: Orbits, alone: Alone, progress: Callable[[int], None] | No
 def _integrate_one_by_one(
     orbits: Orbits, members: np.ndarray, alone: Alone, threads: int, tell: Callable[[int], None]
 ) -> None:
-    """Integrate the orbits with the indices ``members`` on ``threads`` threads, each by itself; store the solutions.
-
-    ``alone(orbits, i)`` returns the solution of orbit i; ``tell`` is called with the number of orbits finished since
-    its last call.
-    """
+    """Integrate the orbits ``members`` by ``alone``; ``tell`` gets the number of those just finished."""
     orbits.forget(members)
 
     def share(part: slice) -> int:
@@ -254,10 +247,7 @@ def _integrate_alone(orbits: Orbits, i: int) -> Solution:
 
 
 def conclude(orbits: Orbits, in_lanes: np.ndarray, seconds: float) -> Ensemble:
-    """Make the `Ensemble`, the result for the user, from orbits that have been integrated.
-
-    ``in_lanes`` is an array (n,), True for orbits that were integrated in SIMD lanes; ``seconds`` is the time taken.
-    """
+    """Make the result for the user from orbits that have been integrated, and what `run` has returned."""
     n = np.arange(len(orbits.q))
     last = orbits.filled - 1
     number = np.minimum(np.arange(orbits.Q.shape[1]) * orbits.every[:, None], orbits.steps[:, None])
@@ -304,34 +294,15 @@ def begin(
 
     Raises InvalidInput.
     """
-    asked = request(problem, method, Q, P, h, t_end, steps, parameters, save_every)
-    rows = 1 + -(-asked.steps // asked.every)
+    system, q, p, h, numbers, every, *methods = request(
+        problem, method, Q, P, h=h, t_end=t_end, steps=steps, parameters=parameters, save_every=save_every
+    )
+    rows = 1 + -(-numbers // every)
     if len(set(rows.tolist())) > 1:
         raise InvalidInput("the orbits take different numbers of steps: keep no rows (save_every=0), or give steps")
-    if len(rows) * int(rows[0]) * asked.system.d > LARGEST:
+    if len(rows) * int(rows[0]) * system.d > LARGEST:
         raise InvalidInput(f"{rows[0]} rows of {len(rows)} orbits do not fit in memory; keep fewer with save_every")
-    return check_starts(Orbits.create(*asked, int(rows[0])))
-
-
-class EnsembleRequest(NamedTuple):
-    """The checked input of an ensemble of n orbits of d degrees of freedom.
-
-    Attributes
-    ----------
-    system : the system to integrate
-    q, p : arrays (n, d), the initial states
-    h, steps, every : arrays (n,): step, number of steps, number of steps between two stored rows
-    kinds, kind : list of the different methods, and array (n,): for each orbit the index of its method in ``kinds``
-    """
-
-    system: object
-    q: np.ndarray
-    p: np.ndarray
-    h: np.ndarray
-    steps: np.ndarray
-    every: np.ndarray
-    kinds: list[Method]
-    kind: np.ndarray
+    return check_starts(Orbits(system, q, p, h, numbers, every, *methods, int(rows[0])))
 
 
 def request(
@@ -339,16 +310,16 @@ def request(
     method: Any,
     Q: States,
     P: States,
-    h: float | State | None,
-    t_end: float | None,
-    steps: int | None,
-    parameters: Mapping[str, Value | State] | None,
-    save_every: int,
-) -> EnsembleRequest:
-    """Check the arguments of `integrate_ensemble`, and return them as an `EnsembleRequest`.
+    *,
+    h: float | State | None = None,
+    t_end: float | None = None,
+    steps: int | None = None,
+    parameters: Mapping[str, Value | State] | None = None,
+    save_every: int = 0,
+) -> tuple[PartitionedSystem, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[Method], np.ndarray]:
+    """Check the arguments of `integrate_ensemble`, and return the first fields of `Orbits`, an entry for each orbit.
 
-    Its arrays have an entry for each orbit even if one value was given for all.  Raises InvalidInput for arguments that
-    cannot be used.
+    Raises InvalidInput for arguments that cannot be used.
     """
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):
@@ -363,7 +334,7 @@ def request(
     kinds, kind = _methods(method, parameters or {}, n)
     for lack in {record.lacks(system) for record in kinds} - {None}:
         raise InvalidInput(lack)
-    return EnsembleRequest(system, q, p, sizes, numbers, every, kinds, kind)
+    return system, q, p, sizes, numbers, every, kinds, kind
 
 
 def _grids(h: float | State | None, t_end: float | None, steps: int | None, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -419,10 +390,7 @@ def _methods(method: Any, parameters: Mapping, n: int) -> tuple[list[Method], np
 
 
 def check_starts(orbits: Orbits) -> Orbits:
-    """Mark orbits as "invalid" whose start is not finite, has no finite energy or is off the constraints.
-
-    Returns the same object ``orbits``.
-    """
+    """Mark orbits as "invalid" whose start is not finite, has no finite energy or is off the constraints."""
     good = np.isfinite(orbits.q).all(1) & np.isfinite(orbits.p).all(1)
     if orbits.system.has_energy:
         good &= np.isfinite(orbits.system.energies(orbits.q, orbits.p))
@@ -451,10 +419,7 @@ def _threads(threads: int | None) -> int:
 
 
 def _goes_in_lanes(orbits: Orbits, good: np.ndarray, lanes: bool | None) -> np.ndarray:
-    """Return a boolean array: for each of the orbits with the indices ``good``, whether it is integrated in SIMD lanes.
-
-    ``lanes`` is that of `integrate_ensemble`: True, False, or None to decide by the method and the number of orbits.
-    """
+    """For each of the orbits with the indices ``good``, whether it is integrated in SIMD lanes."""
     able = np.array([batches.runs_in_lanes(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
     if lanes and not able.all():
         raise InvalidInput(f"'{orbits.kinds[orbits.kind[good[~able][0]]].label}' does not run in lanes on this system")

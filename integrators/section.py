@@ -98,19 +98,15 @@ class SectionOrbits(Orbits):
     group = GROUP
 
     def max_steps(self, every: int, orbits: int) -> int:
-        """The largest number of steps in one kernel call: whole rows, as many as fit into the processor's cache."""
+        """Whole rows, as many as fit into the processor's cache."""
         return min(PIECE, every * min(ROWS, max(2, ROOM // (2 * self.system.d * orbits))))
 
     def room(self, i: int, first: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
-        """New arrays (rows, d) for q and p: rows are searched for crossings and then dropped."""
+        """New arrays: rows are searched for crossings and then dropped."""
         return np.empty((rows, self.system.d)), np.empty((rows, self.system.d))
 
     def keeper(self, members: np.ndarray, width: int) -> Callable[[int, np.ndarray, np.ndarray, int], None]:
-        """Return the function that searches computed rows of the orbits with the indices ``members`` for crossings.
-
-        The function (first, q, p, taken) gets arrays q, p of shape (blocks of orbits, rows, d, width), the number
-        ``first`` of their first row, and the number of steps taken so far (see `Orbits.keeper`).
-        """
+        """Return the function that searches computed rows for crossings (see `Orbits.keeper`)."""
         search = Search(self, members, width)
         steps, every, looks = int(self.steps[members[0]]), int(self.every[members[0]]), self.Q.shape[1] - 1
         seen, near = 0, self.system.singularities > 0
@@ -150,20 +146,12 @@ class SectionOrbits(Orbits):
         self.crossings.drop(members)
 
     def suspects(self, members: np.ndarray) -> np.ndarray:
-        """The indices among ``members`` of orbits that `integrate` must integrate again to determine their status.
-
-        They are those of `Orbits.suspects`, and the orbits that came within a step of a singularity.
-        """
+        """Those of `Orbits.suspects`, and the orbits that came within a step of a singularity."""
         return np.union1d(super().suspects(members), members[self.near[members]])
 
 
 class Search:
-    """Searches the rows of some orbits for crossings of a plane, block by block, as they are computed.
-
-    The orbits are those with the indices ``members`` of ``orbits``, ``width`` of them side by side in SIMD lanes, with
-    ``steps`` steps each, by default those in ``orbits.steps``.  The object is called with the rows of a few steps at a
-    time.
-    """
+    """Searches the rows of the orbits ``members`` for crossings as they are computed, ``width`` orbits side by side."""
 
     def __init__(self, orbits: SectionOrbits, members: np.ndarray, width: int, steps: int | None = None) -> None:
         self._orbits, self._members = orbits, members
@@ -199,22 +187,8 @@ class Search:
             orbits.crossings.add(self._points[:found], self._members[self._owners[:found, 0]])
 
 
-def prepare_orbits(asked: ensemble.EnsembleRequest, component: int, at: float, rising: bool) -> SectionOrbits:
-    """Create the orbits of a section by the plane (q, p)[component] = at, crossed in rising or falling direction.
-
-    ``asked`` is the checked input of the ensemble.
-    """
-    n, d = asked.q.shape
-    looks = int(np.clip(LOOKED // (2 * d * n), 1, LOOKS))
-    orbits = SectionOrbits.create(*asked, 1 + looks)
-    orbits.find, orbits.plane = finder(asked.system), np.array([[float(component), at, 1.0 if rising else -1.0]])
-    orbits.crossings, orbits.near = Crossings(d), np.zeros(n, bool)
-    sorter()  # compiles
-    return ensemble.check_starts(orbits)
-
-
 def build_section(orbits: SectionOrbits, seconds: float) -> Section:
-    """Make the `Section` from orbits that were integrated and searched in ``seconds``; the time to sort is added."""
+    """Make the `Section` from orbits that were searched in ``seconds``; the time to sort is added."""
     began, d = time.perf_counter(), orbits.system.d
     points, numbers = orbits.crossings.sort_points(len(orbits.q))
     orbit = np.repeat(np.arange(len(numbers)), numbers)
@@ -237,20 +211,25 @@ def begin(
     at: float = 0.0,
     rising: bool = True,
     every: int = 1,
-    h: float | State | None = None,
-    t_end: float | None = None,
-    steps: int | None = None,
-    parameters: Mapping | None = None,
+    **run: Any,
 ) -> SectionOrbits:
-    """Check the arguments of `section` and create the orbits; raises InvalidInput."""
+    """Check the arguments of `section` and create the orbits; ``run`` are h, t_end, steps, parameters.
+
+    Raises InvalidInput.
+    """
     system = getattr(problem, "system", problem)
     names = [str(x) for x in (*getattr(system, "q", ()), *getattr(system, "p", ()))]
     if of not in names:
         raise InvalidInput(f"there is no coordinate or momentum {of!r}; there are {', '.join(names)}")
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise InvalidInput(f"every is {every!r}; it must be a positive integer")
-    asked = ensemble.request(problem, method, Q, P, h, t_end, steps, parameters, every)
-    return prepare_orbits(asked, names.index(of), float(at), rising)
+    asked = ensemble.request(problem, method, Q, P, save_every=every, **run)
+    n, d = asked[1].shape
+    orbits = SectionOrbits(*asked, 1 + int(np.clip(LOOKED // (2 * d * n), 1, LOOKS)))
+    orbits.find, orbits.crossings, orbits.near = finder(system), Crossings(d), np.zeros(n, bool)
+    orbits.plane = np.array([[float(names.index(of)), float(at), 1.0 if rising else -1.0]])
+    sorter()  # compiles
+    return ensemble.check_starts(orbits)
 
 
 def section(
@@ -301,9 +280,6 @@ def section(
     An orbit's energy is judged by `LOOKS` of its rows; where it is lost, or the orbit came within a step of a
     singularity, the orbit is integrated again by itself, with all of its rows in memory.
     """
-    orbits = begin(
-        *(problem, method, Q, P),
-        **{"of": of, "at": at, "rising": rising, "every": every},
-        **{"h": h, "t_end": t_end, "steps": steps, "parameters": parameters},
-    )
+    run = {"h": h, "t_end": t_end, "steps": steps, "parameters": parameters}
+    orbits = begin(problem, method, Q, P, of=of, at=at, rising=rising, every=every, **run)
     return build_section(orbits, ensemble.run(orbits, lanes, threads, progress)[1])

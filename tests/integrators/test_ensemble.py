@@ -157,9 +157,7 @@ def test_encounters_that_lose_energy_are_redone():
     P[0, 3, 1], P[1, 1, 1] = np.sqrt(2 / 2.0 - 0.2 + 0.04), np.sqrt(2 / 1.0 - 0.2 + 0.04)
     P[3, 1, 1], P[3, 3, 1] = np.sqrt(2 / 1.0 - 0.5), P[0, 3, 1]
     whole = np.ones(4, int)
-    orbits = batches.Orbits.create(
-        plane, Q[:, 0], P[:, 0], 0.3 * whole, 3 * whole, whole, [method("rk4")], 0 * whole, 4
-    )
+    orbits = batches.Orbits(plane, Q[:, 0], P[:, 0], 0.3 * whole, 3 * whole, whole, [method("rk4")], 0 * whole, 4)
     orbits.Q, orbits.P = Q, P
     assert batches.find_doubtful(orbits, np.arange(4)).tolist() == [0, 3]
     said = [describe_crossing(plane, 0.3 * np.arange(4), Q[i], P[i], 0.3) for i in range(4)]
