@@ -176,22 +176,22 @@ def run(
     """
     workers = _threads(threads)
     good = np.flatnonzero(orbits.status == OK)
-    wide = _goes_in_lanes(orbits, good, lanes)
+    wide = _goes_in_lanes(orbits, len(good), lanes)
+    side_by_side, rest = (good, good[:0]) if wide else (good[:0], good)
     tell = _Progress(progress)
     tell(len(orbits.q) - len(good))
-    made = batches.build(orbits, good[wide]) if wide.any() else []
-    rest = good[~wide]
+    made = batches.build(orbits, side_by_side) if len(side_by_side) else []
     if len(rest):  # compiles
         i = rest[0]
         integrate(orbits.system, orbits.kinds[orbits.kind[i]], h=orbits.h[i], steps=1, q0=orbits.q[i], p0=orbits.p[i])
     began = time.perf_counter()
     batches.run(made, orbits, workers, tell)
     left = scalar_fallback.run(orbits, rest, workers, tell)
-    stopped = orbits.suspects(np.union1d(good[wide], np.setdiff1d(rest, left)))
+    stopped = orbits.suspects(np.union1d(side_by_side, np.setdiff1d(rest, left)))
     tell(-len(stopped))
     _integrate_one_by_one(orbits, np.concatenate([stopped, left]).astype(int), _integrate_alone, workers, tell)
     in_lanes = np.zeros(len(orbits.q), bool)
-    in_lanes[np.setdiff1d(good[wide], stopped)] = True
+    in_lanes[np.setdiff1d(side_by_side, stopped)] = True
     return in_lanes, time.perf_counter() - began
 
 
@@ -418,10 +418,9 @@ def _threads(threads: int | None) -> int:
     return threads
 
 
-def _goes_in_lanes(orbits: Orbits, good: np.ndarray, lanes: bool | None) -> np.ndarray:
-    """For each of the orbits with the indices ``good``, whether it is integrated in SIMD lanes."""
-    able = np.array([batches.runs_in_lanes(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
-    if lanes and not able.all():
-        raise InvalidInput(f"'{orbits.kinds[orbits.kind[good[~able][0]]].label}' does not run in lanes on this system")
-    enough = lanes or (lanes is None and able.sum() >= batches.ENOUGH)
-    return able if enough else np.zeros(len(good), bool)
+def _goes_in_lanes(orbits: Orbits, number: int, lanes: bool | None) -> bool:
+    """Whether so many orbits are integrated in SIMD lanes; ``lanes`` is that of `integrate_ensemble`."""
+    able = batches.runs_in_lanes(orbits.system, orbits.kinds[0])  # so are all: they differ in their parameters
+    if lanes and not able:
+        raise InvalidInput(f"'{orbits.kinds[0].label}' does not run in lanes on this system")
+    return able and (number >= batches.ENOUGH if lanes is None else lanes)

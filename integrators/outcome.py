@@ -67,13 +67,7 @@ class Outcome(NamedTuple):
 
 
 class SolverFailure(NamedTuple):
-    """The message to the user if the equations of an implicit step were not solved.
-
-    Attributes
-    ----------
-    what : the message: which equations were not solved, and by which solver
-    advice : text to append on what may help besides a smaller step; "" for none
-    """
+    """What is told of an implicit step that was not solved: by which solver, and what may help but a smaller h."""
 
     what: str
     advice: str
@@ -86,7 +80,7 @@ ADVISED = UNSOLVED._replace(advice=", or try solver='banded' where variables act
 
 
 def solver_failure(family: str, d: int) -> SolverFailure:
-    """Return the message on an unsolved stage equation, for a family (kind of method) and d degrees of freedom."""
+    """The message on an unsolved stage equation of a family."""
     if family == "banded":
         return IN_A_BAND
     if family in ("rattle", "manifold"):
@@ -134,10 +128,9 @@ def sizes(H: np.ndarray) -> np.ndarray:
 
 
 def units(M: np.ndarray) -> np.ndarray:
-    """The unit in which the energy error of each row is judged: the larger of M in this row and of M's mean over rows.
+    """The unit of the energy error in each row: the larger of M in this row and of M's mean over all but the first.
 
-    M, of shape (..., rows) and finite, is the size of H's terms, the sum of their absolute values; the mean is over all
-    rows but the first.
+    M, of shape (..., rows) and finite, is the size of H's terms.
     """
     rest = M[..., 1:]
     mean = (rest / max(1, rest.shape[-1])).sum(axis=-1, keepdims=True)  # a sum of large numbers must not overflow
@@ -145,17 +138,13 @@ def units(M: np.ndarray) -> np.ndarray:
 
 
 def flag_energy_errors(H: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """True in rows whose energy H is not finite or wrong by more than a tenth of its unit; arrays (..., rows).
-
-    The energy of the first row is taken as the right one.  M are the sizes of H's terms, which give the unit (`units`).
-    """
+    """True in rows whose energy H is not finite, or off the first row's by a tenth of `units`; arrays (..., rows)."""
     with np.errstate(all="ignore"):
         M = np.minimum(M, np.finfo(float).max)
         return ~(np.isfinite(H) & (_share(sizes(H), units(M)) <= NOTED))
 
 
 def _share(error: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Divide energy errors by the size of H's terms, both arrays of one shape; the result is 0 where the error is 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(error > 0, error / size, 0.0)
 
@@ -163,10 +152,9 @@ def _share(error: np.ndarray, size: np.ndarray) -> np.ndarray:
 def judge(
     system: PartitionedSystem, t: np.ndarray, Q: np.ndarray, P: np.ndarray, advice: str = "take a smaller h"
 ) -> Outcome:
-    """Determine the status of a complete run, "ok", "inaccurate" or "unstable", and its reason from the energy error.
+    """The status of a complete run, "ok", "inaccurate" or "unstable", and its reason, from the energy error.
 
-    The rows Q, P (n, d) at the times t are finite; a run of a system without an energy is "ok".  ``advice`` ends the
-    reason.
+    The rows Q, P (n, d) at the times t are finite; ``advice`` ends the reason.
     """
     found = energy_error(system, Q, P) if system.has_energy else None
     worst = 0.0 if found is None else found.share.max()
@@ -184,10 +172,7 @@ def judge(
 
 
 def grows(error: np.ndarray, first: float) -> bool:
-    """True if the energy error grows along a run; ``error`` (n,) is its magnitude in each row, that of the start first.
-
-    ``first`` is the size of H's terms in the first row.
-    """
+    """True if an energy error of this magnitude in each row grows; ``first`` is the size of H's terms at the start."""
     few = len(error) - 1 < PARTED
     if first > 0 and error.max() > (BLOWN_BETWEEN if few else BLOWN) * first:
         return True
@@ -199,7 +184,6 @@ def grows(error: np.ndarray, first: float) -> bool:
 
 
 def _describe_bounded(error: np.ndarray) -> str:
-    """Text to append to a status's reason if the energy error oscillates without growing, else ""."""
     first, last = np.array_split(error, 2)
     if len(last) < 10 or last.max() > 1.05 * first.max() or last.min() > 0.1 * last.max():
         return ""
@@ -207,10 +191,7 @@ def _describe_bounded(error: np.ndarray) -> str:
 
 
 def describe_escape(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, found: EnergyError | None = None) -> str:
-    """Text to append to a status's reason if the state grew large while the energy was still conserved, else "".
-
-    Q, P (n, d) are the rows of the run; ``found`` is their energy error, computed here if None.
-    """
+    """Text to append to a reason if the state of rows Q, P (n, d) grew large with the energy conserved, else ""."""
     if not system.has_energy or len(Q) < 2:
         return ""
     found = energy_error(system, Q, P) if found is None else found
@@ -222,15 +203,11 @@ def describe_escape(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, fou
 
 
 def energy_unit(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> float:
-    """Return the energy by which energy errors of a run with rows Q, P (n, d) are divided to make them relative.
-
-    It is the absolute energy of the first row, or the sum of the absolute values of H's terms if these nearly cancel.
-    """
+    """The energy by which errors in rows Q, P (n, d) are divided: the first row's, or H's terms' if these cancel."""
     return float(_unit(system.energies(Q[:1], P[:1]), system.scale(Q[:1], P[:1]))[0])
 
 
 def _unit(H: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """The unit of energy errors for energies H with terms of the size M: |H|, or M where the terms nearly cancel."""
     H, M = np.abs(H), np.abs(M)
     return np.where(H < KEPT * M, M, H)
 
@@ -241,10 +218,7 @@ def _unit(H: np.ndarray, M: np.ndarray) -> np.ndarray:
 def travel(
     system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, h: float | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (distance to the nearest singularity, length |h dq/dt| of a step) at rows Q, P (n, d), two arrays (n,).
-
-    h is the step, one for all rows or an array (n,).
-    """
+    """(Distance to the nearest singularity, length |h dq/dt| of a step) at rows Q, P (n, d), two arrays (n,)."""
     return system.distances(Q, P).min(axis=0), np.abs(h) * system.speed(Q, P)
 
 
@@ -277,10 +251,7 @@ def _aim(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
 
 
 def describe_approach(system: PartitionedSystem, Q: np.ndarray, P: np.ndarray, h: Number) -> str | None:
-    """Return a phrase for the user if the next step from the last row may reach the nearest singularity, else None.
-
-    That is if |h dq/dt| there is larger than the distance.  Q, P (n, d) are the rows of the run, h is its step.
-    """
+    """A phrase for the user if |h dq/dt| at the last row exceeds the distance to a singularity, else None."""
     if not system.singularities or Q.dtype == object:
         return None
     distance, length = travel(system, Q[-1:], P[-1:], h)

@@ -275,23 +275,43 @@ class ConstrainedHamiltonian(PartitionedSystem):
         T = codegen.value_type(self.d, self.fills)
         return self.make_function("grad_T", [("p", self.p)], lambda: [list(self.dq)], T(T), arithmetic)
 
+    def _solved(
+        self,
+        name: str,
+        arguments: Sequence[tuple[str, Sequence[Any]]],
+        equations: Callable[[], tuple[Any, Sequence[Any]]],
+        result: Callable[[list[Any]], list[Any]],
+        arithmetic: str,
+    ) -> Function:
+        """Make a function of vectors: ``result(mu)`` of the solution of A mu = b; ``equations()`` is (A, b)."""
+        from phasebench.integrators.compile.printing import Program
+
+        T = codegen.value_type(self.d)
+
+        def results() -> Program:
+            steps = Steps()
+            found = result(steps.solve(*equations()))
+            return Program(tuple(steps.definitions), [found])
+
+        return self.make_function(name, arguments, results, T(*[T] * len(arguments)), arithmetic)
+
     def restore(self, arithmetic: str = DOUBLE) -> Function:
         r"""Make the function (q, q0) -> :math:`G(q_0)^T\mu`, a step of Newton's method for g(q - M^-1 G(q_0)^T mu) = 0.
 
         :math:`\mu = \bigl(G(q) M^{-1} G(q_0)^T\bigr)^{-1} g(q)`; M is the constant mass matrix.
         """
-        from phasebench.integrators.compile.printing import Program
-
         first = self._named("first")
-        T = codegen.value_type(self.d)
 
-        def results() -> Program:
-            steps = Steps()
-            G0 = self.G.xreplace(dict(zip(self.q, first, strict=True)))
-            mu = steps.solve(self.G * self._mobility * G0.T, self.constraints)
-            return Program(tuple(steps.definitions), [self._pull(G0, mu)])
+        def start() -> Any:
+            return self.G.xreplace(dict(zip(self.q, first, strict=True)))
 
-        return self.make_function("restore", [("q", self.q), ("first", first)], results, T(T, T), arithmetic)
+        return self._solved(
+            "restore",
+            [("q", self.q), ("first", first)],
+            lambda: (self.G * self._mobility * start().T, self.constraints),
+            lambda mu: self._pull(start(), mu),
+            arithmetic,
+        )
 
     def normal(self, arithmetic: str = DOUBLE) -> Function:
         r"""The function (q, p) -> :math:`G^T(G M^{-1} G^T)^{-1} G M^{-1} p`, the part of p that leaves the manifold.
@@ -299,16 +319,13 @@ class ConstrainedHamiltonian(PartitionedSystem):
         M^-1 is H_pp.  The part is subtracted from p to fulfil the hidden constraints; this is a step of Newton's
         method, and exact if M is constant.
         """
-        from phasebench.integrators.compile.printing import Program
-
-        T = codegen.value_type(self.d)
-
-        def results() -> Program:
-            steps = Steps()
-            mu = steps.solve(self.G * self._mobility * self.G.T, self.hidden)
-            return Program(tuple(steps.definitions), [self._pull(self.G, mu)])
-
-        return self.make_function("normal", [("q", self.q), ("p", self.p)], results, T(T, T), arithmetic)
+        return self._solved(
+            "normal",
+            [("q", self.q), ("p", self.p)],
+            lambda: (self.G * self._mobility * self.G.T, self.hidden),
+            lambda mu: self._pull(self.G, mu),
+            arithmetic,
+        )
 
     def free_field(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, p, h, lam) -> (H_p, -H_q), the field without constraints; it ignores h and lam."""
@@ -340,46 +357,34 @@ class ConstrainedHamiltonian(PartitionedSystem):
         It gives the corrections of the multipliers in a simplified Newton iteration for g(q) = 0, where (q0, p0) is the
         state at the start of the step and q a stage.  The m components of the result are padded with zeros to d.
         """
-        from phasebench.integrators.compile.printing import Program
-
-        T = codegen.value_type(self.d)
         first, way = self._named("first"), self._named("way")
-
-        def results() -> Program:
-            steps = Steps()
-            at_start = dict(zip((*self.q, *self.p), (*first, *way), strict=True))
-            matrix = self.G * self._mobility.xreplace(at_start) * self.G.xreplace(at_start).T
-            found = steps.solve(matrix, self.constraints)
-            return Program(tuple(steps.definitions), [[*found, *[sp.Integer(0)] * (self.d - len(found))]])
-
-        arguments = [("q", self.q), ("first", first), ("way", way)]
-        return self.make_function("multipliers", arguments, results, T(T, T, T), arithmetic)
+        start = dict(zip((*self.q, *self.p), (*first, *way), strict=True))
+        return self._solved(
+            "multipliers",
+            [("q", self.q), ("first", first), ("way", way)],
+            lambda: (self.G * self._mobility.xreplace(start) * self.G.xreplace(start).T, self.constraints),
+            lambda mu: [*mu, *[sp.Integer(0)] * (self.d - len(mu))],
+            arithmetic,
+        )
 
     def offset(self, arithmetic: str = DOUBLE) -> Function:
-        r"""Make the function q -> :math:`G^T(G G^T)^{-1} g`, which is subtracted from q to solve g(q) = 0.
-
-        The subtraction is a step of Newton's method.
-        """
-        from phasebench.integrators.compile.printing import Program
-
-        T = codegen.value_type(self.d)
-
-        def results() -> Program:
-            steps = Steps()
-            mu = steps.solve(self.G * self.G.T, self.constraints)
-            return Program(tuple(steps.definitions), [self._pull(self.G, mu)])
-
-        return self.make_function("offset", [("q", self.q)], results, T(T), arithmetic)
+        r"""Make the function q -> :math:`G^T(G G^T)^{-1} g`, a step of Newton's method to be subtracted from q."""
+        return self._solved(
+            "offset",
+            [("q", self.q)],
+            lambda: (self.G * self.G.T, self.constraints),
+            lambda mu: self._pull(self.G, mu),
+            arithmetic,
+        )
 
     def _named(self, letter: str) -> tuple[Any, ...]:
-        """Return d new symbols with ``letter`` in their names: the components of a further argument of a function."""
+        """The d components of a further argument of a function."""
         return tuple(sp.Symbol(f"{x}_{letter}_", real=True) for x in self.q)
 
     def _first(self, x: Sequence[Any]) -> Sequence[Any]:
         return x[: len(self.constraints)]
 
     def _pull(self, G: Any, mu: Sequence[Any]) -> list[Any]:
-        """The d components of G^T mu as expressions, for a matrix G (m, d) and m multipliers mu."""
         return [sp.Add(*(G[i, j] * x for i, x in enumerate(mu))) for j in range(self.d)]
 
     # -- the manifold -------------------------------------------------------------------------------------------------
@@ -456,10 +461,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return (found, way) if good else None
 
     def _nearest(self, first: Floats, p: Floats, M: Floats) -> Floats:
-        """The q with g(q) = 0 of least distance from ``first``, measured by the inverse of the matrix M; it may be NaN.
-
-        M (d, d) is H_pp at the start, or the unit matrix; p are any momenta, which have no influence on q.
-        """
+        """The q with g(q) = 0 of least distance from ``first`` in the metric M^-1, perhaps NaN; p are any momenta."""
         found = first
         for _ in range(PROJECTIONS):  # least squares with the constraints made linear
             g, G, _, _ = self._numbers(found, p)
@@ -499,10 +501,9 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return q, p
 
     def _worst(self, q: Floats, p: Floats, tangent: bool = True) -> tuple[str, Any, float] | None:
-        """Find the constraint that a state (q, p) violates most; None if the state is on the manifold to round-off.
+        """(Kind, expression, value) of the constraint that a state violates most, or None on the manifold.
 
-        Returns ("constraint" or "hidden constraint", its expression, its value).  Hidden constraints count only if
-        ``tangent``.
+        Hidden constraints count only if ``tangent``.
         """
         values = np.concatenate(self.defects(q[None], p[None]))[:, 0]
         excess = np.abs(values) / np.maximum(self.rounding(q[None], p[None])[:, 0], 1e-300)
@@ -514,10 +515,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         return ("constraint" if k < m else "hidden constraint", (*self.constraints, *self.hidden)[k], float(values[k]))
 
     def on_manifold(self, Q: Floats, P: Floats, tangent: Any = True) -> np.ndarray:
-        """True for each row of Q, P (n, d) on the constraints, and if ``tangent`` on the hidden ones: array (n,).
-
-        ``tangent`` is a truth value, or one for each row.
-        """
+        """True for each row of Q, P (n, d) on the constraints, and if ``tangent`` (of each) on the hidden ones."""
         good = np.abs(np.array(self.defects(Q, P))) <= SLACK * self.rounding(Q, P).reshape(2, -1, len(Q))
         return good[0].all(0) & (good[1].all(0) | ~np.broadcast_to(tangent, len(Q)))
 
@@ -566,10 +564,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
             raise InvalidInput("the multipliers are not determined at the start: G H_pp G^T is singular there")
 
     def _redundant(self, scaled: Floats) -> list[str]:
-        """The constraints, as text, whose gradients depend linearly on those of earlier constraints.
-
-        ``scaled`` (m, d) has the gradients as rows, each of length 1.
-        """
+        """The constraints whose gradients, rows of ``scaled`` of length 1, depend linearly on earlier ones."""
         kept: list = []
         out = []
         for k, row in enumerate(scaled):
