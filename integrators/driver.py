@@ -128,11 +128,7 @@ def _run(
     progress: Callable[[int], None] | None,
     problem: Any,
 ) -> Solution:
-    """Run the kernel until all rows of the trajectory are filled or the run stops; returns the `Solution`.
-
-    ``record`` is the method, ``timeout`` the time limit in seconds; ``progress`` is called with the number of steps so
-    far.
-    """
+    """Run the kernel until all rows of the trajectory are filled or the run stops; returns the `Solution`."""
     t = trajectory
     run = prepared.lay_out(kernel, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
     counts, pace = run.counts, Pace(timeout, FIRST if kernel.missed else PIECE)

@@ -360,10 +360,7 @@ def _states(name: str, rows: States, d: int) -> np.ndarray:
 
 
 def _column(name: str, values: Value | State, n: int) -> np.ndarray:
-    """Return ``values``, one number or one for each of n orbits, as an array of shape () or (n,).
-
-    Raises InvalidInput for another shape; ``name`` is what the message calls the values.
-    """
+    """``values``, one number or one for each of n orbits, as an array; raises InvalidInput for another shape."""
     out = np.asarray(values)
     if out.ndim > 1 or (out.ndim == 1 and len(out) != n):
         raise InvalidInput(f"{name} has the shape {out.shape}; give one value, or an array ({n},)")
@@ -371,10 +368,7 @@ def _column(name: str, values: Value | State, n: int) -> np.ndarray:
 
 
 def _methods(method: Any, parameters: Mapping, n: int) -> tuple[list[Method], np.ndarray]:
-    """Make the n orbits' methods: (list of the different ones, array (n,): for each orbit the index of its method).
-
-    A parameter is one value for all orbits, or an array (n,).  Raises InvalidInput for one that ``method`` lacks.
-    """
+    """The n orbits' methods: (list of the different ones, array (n,): for each orbit the index of its method)."""
     if hasattr(method, "lacks") and not isinstance(method, Method):  # a step of the user's own
         if parameters:
             raise InvalidInput(f"'{method.id}' has no parameters such as {', '.join(parameters)}")

@@ -117,12 +117,7 @@ def method_parameters(
 def _merge_keywords(
     function: str, foreign: dict[str, Any], parameters: Any, names: Iterable[str], known: list[str]
 ) -> dict[str, Any]:
-    """Return ``parameters`` with the keywords ``foreign`` added, all of which must be parameters of the method.
-
-    ``foreign`` are the keywords of a call that are no arguments of the called function, with their values; ``names``
-    are the names of the method's parameters.  A keyword that is not among these raises InvalidInput, whose message
-    tells the name of the ``function`` and its ``known`` arguments.
-    """
+    """Return ``parameters`` with the keywords ``foreign`` added, which must be among the method's ``names``."""
     names = list(names)
     for name in foreign:
         if name in names:

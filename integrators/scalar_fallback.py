@@ -38,11 +38,7 @@ def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int],
 
 
 def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[str], np.ndarray, int]:
-    """Integrate the orbits with the indices ``members`` one after the other, and fill their rows.
-
-    ``known`` maps the index of a method to its prepared kernel.  Returns (counts of steps, evaluations, ... of the
-    orbits that reached the end, indices of those that stopped early, number of all).
-    """
+    """Integrate the orbits ``members``: (counts of those at the end, indices of those that stopped, number of all)."""
     total: Counter[str] = Counter()
     layouts: dict[int, Layout] = {}
     stopped = []

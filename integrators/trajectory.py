@@ -276,10 +276,7 @@ class Trajectory:
         self.reason = "; ".join(filter(None, (self.reason, found.reason)))
 
     def _count_missed(self, fallbacks: int) -> None:
-        """Write into the reason how many steps were fallbacks; if they are many, set the status "no-root".
-
-        A fallback is a step that lacks what the method promises.
-        """
+        """Write into the reason how many steps were fallbacks; if they are many, set the status "no-root"."""
         if not self.missed or not fallbacks or self.status != OK:
             return
         self.reason = f"{fallbacks} of {self.reached} steps {self.missed}"

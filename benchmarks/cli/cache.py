@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import defaultdict
 from collections.abc import Iterator
 from typing import Annotated
@@ -113,17 +114,21 @@ def made(task: tuple[str, int, tuple[str, ...]]) -> tuple[int, list[str]]:
 def _build(jobs: int, shown: bool) -> list[str]:
     """Compile all methods for all problems in parallel processes; return a list of texts, one for each failure.
 
-    ``jobs`` is the number of processes, 0 for as many as there are cores; ``shown`` asks for a progress bar.
+    ``jobs`` is the number of processes, 0 for as many as there are cores; ``shown`` asks for a progress bar, and for a
+    line that says how long it took.
     """
     from rich.progress import track
 
     failures: list[str] = []
-    todo = tasks()
+    began, todo, done = time.monotonic(), tasks(), 0
     results = _in_processes(todo, jobs)
     if shown and err.is_terminal:
         results = track(results, "compiling", total=len(todo), console=err)
-    for _, failed in results:
+    for number, failed in results:
+        done += number
         failures += failed
+    if shown:
+        err.print(f"{done} methods on problems, compiled in {time.monotonic() - began:.0f} s", highlight=False)
     return failures
 
 

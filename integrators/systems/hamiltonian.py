@@ -425,10 +425,7 @@ def _flatten(given: Iterable[Any]) -> list:
 
 
 def _derive_system(given: dict) -> Hamiltonian:
-    """Build a `Hamiltonian` from its constructor's arguments, given as text.
-
-    A system that was made from the cache (`deferred`) calls it when its formulae are needed.
-    """
+    """Build a `Hamiltonian` from its arguments, given as text, when a stand-in (`deferred`) needs its formulae."""
     system = Hamiltonian.__new__(Hamiltonian)
     system._derive(**given)
     return system

@@ -78,11 +78,7 @@ def unit_mass_field(force: Callable) -> Callable:
 
 @lru_cache(maxsize=256)
 def _compile(name: str, loop: Callable, constants: tuple[float, ...], fills: bool, d: int) -> Function:
-    """Compile a user's loop for these constants, once in a process.
-
-    ``name`` is "energy", "field", "grad_V" or "grad_U", and ``loop`` a function of the constants that returns the loop
-    for d degrees of freedom.  With ``fills`` the compiled loop writes its results into arrays, else it returns them.
-    """
+    """Compile a user's loop for these constants; with ``fills`` it writes its results into arrays."""
     source = Path(inspect.getfile(loop)).read_bytes()  # of helpers too
     content = f"{loop.__qualname__}|{constants}|{hashlib.sha256(source).hexdigest()}"
     signature = SIGNATURES[name](codegen.value_type(d))
@@ -103,10 +99,9 @@ SIGNATURES = {
 
 
 def _adapt(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
-    """Convert a user's loop to the wanted form: to write its results into arrays if ``fills``, else to return them.
+    """Let a user's loop write its results into arrays if ``fills``, else return them: (the loop, True if it writes).
 
-    Returns (the converted loop, True if the user's loop writes).  ``given`` is the number of arguments of the loop, not
-    counting arrays to write into; a loop that has more is one that writes.
+    A loop writes if it has more arguments than are ``given``.
     """
     writes = len(inspect.signature(loop).parameters) > given
     if writes == fills:

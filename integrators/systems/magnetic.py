@@ -130,10 +130,7 @@ def _varies(f: sp.Expr) -> bool:
 
 
 def _of_root(system: PartitionedSystem, root: sp.Pow) -> Particle | None:
-    """The relativistic particle of H = a root + phi, if ``root`` is sqrt(M + k |p - A|^2 / 2); else None.
-
-    The numbers a, k and M have to be positive constants, A and phi free of p.
-    """
+    """The particle of H = a root + phi, root = sqrt(M + k |p - A|^2 / 2) with positive constants a, k, M; else None."""
     a, inside = sp.diff(system.H.subs(root, sp.Symbol("r_")), sp.Symbol("r_")), _square(root.base, system.p)
     phi = sp.expand(system.H - a * root)
     if inside is None or a.free_symbols or not a.is_positive or phi.has(*system.p):

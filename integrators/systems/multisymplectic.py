@@ -199,29 +199,19 @@ class Staggered(Division):
         return upper
 
     def _across(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """The bilinear form a^T L_+ b for each cell, with b in the cell and a in the cell on its left.
-
-        L_+ is the part of the equation's matrix L (K z_t + L z_x = grad S(z)) that acts on the slopes w; arrays
-        (..., N, n) have a row for each of N cells, and the result is (..., N).
-        """
+        """The bilinear form a^T L_+ b (..., N) for each cell, with b in the cell and a in the cell on its left."""
         return _form(np.roll(a, 1, axis=-2), self._upper, b)
 
     def two_form(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The flux of the symplectic form of two tangents u, v through the left ends of the cells.
-
-        Tangents are solutions of the linearized equation, arrays (..., N, n).
-        """
+        """The flux of the symplectic form of two tangents u, v, as of `Box`."""
         return self._across(u, v) - self._across(v, u)
 
     def energy(self, z: np.ndarray) -> np.ndarray:
-        """The energy density S + z_x^T L_+ z in each cell; L_+ is the part of L that acts on the slopes w."""
+        """The energy density S + z_x^T L_+ z in each cell."""
         return self.equation.S(z) + _form(self.slope(z), self._upper, z)
 
     def energy_flux(self, z: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """The energy flux -z_t^T L_+ z through the left ends of the cells, with z_t of the cell on the left.
-
-        ``rate`` is z_t; L_+ is the part of L that acts on the slopes w.
-        """
+        """The energy flux -z_t^T L_+ z through the left ends of the cells; ``rate`` is z_t, of the cell on the left."""
         return -self._across(rate, z)
 
     def momentum(self, z: np.ndarray) -> np.ndarray:
@@ -231,9 +221,8 @@ class Staggered(Division):
     def momentum_flux(self, z: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """The momentum flux S - z^T K z_t / 2 through the left ends of the cells; ``rate`` is z_t.
 
-        Arrays (..., N, n) have a row z = (y, w) for each of N cells, the result (..., N) a number for each left end.
         There y is the mean of the two cells that meet; w is the cell's own, since as a backward difference it belongs
-        to this end.  S, K are those of the equation K z_t + L z_x = grad S(z).
+        to this end.
         """
         m = self.equation.moving
         z, rate = z.copy(), rate.copy()

@@ -166,10 +166,7 @@ def _moments(given: Sequence[Any]) -> tuple[Any, ...]:
 
 
 def _potential(given: Formula, q: tuple[Any, ...]) -> Any:
-    """Convert the potential V to an expression in the quaternion q that does not depend on |q|.
-
-    Formulae in q replace the entries r11, ..., r33 of the rotation matrix; any other symbol raises InvalidInput.
-    """
+    """The potential as an expression in the quaternion q that does not depend on |q|."""
     entries = {name: sp.Symbol(name, real=True) for name in ENTRIES}
     if isinstance(given, str):
         given = parse(given, entries | {str(x): x for x in q})

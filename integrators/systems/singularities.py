@@ -119,10 +119,7 @@ def density(system: PartitionedSystem) -> tuple[sp.Expr, sp.Expr]:
 
 
 def _bases(H: sp.Expr, coordinates: set, momenta: set) -> Iterator[sp.Expr]:
-    """Yield the expressions whose zeros are singularities of H, if they have coordinates and no momenta.
-
-    They are the bases of negative powers, the arguments of logarithms, and for each tangent the cosine of its argument.
-    """
+    """Yield the expressions, of coordinates alone, whose zeros are singularities of H."""
     for e in sp.preorder_traversal(H):
         if isinstance(e, sp.Pow) and e.exp.is_number and e.exp.is_negative:
             base = e.base
@@ -137,10 +134,7 @@ def _bases(H: sp.Expr, coordinates: set, momenta: set) -> Iterator[sp.Expr]:
 
 
 def _factors(base: sp.Expr) -> Iterator[sp.Expr]:
-    """Yield the factors of an expression, without the powers to which they are raised.
-
-    The expression is zero where one of the factors is.
-    """
+    """Yield the factors of an expression, without the powers to which they are raised."""
     exact = base.replace(lambda e: e.is_Float, lambda e: sp.Rational(float(e)))
     numerator = sp.fraction(sp.together(exact))[0]
     for f in sp.Mul.make_args(numerator):
