@@ -352,7 +352,12 @@ def evict() -> None:
 
 @lru_cache(maxsize=1)
 def _evict_once() -> None:
+    """Shrink the cache, unless that was done less than `STALE_AFTER` seconds ago: to look at all entries takes long."""
+    last = root() / "evicted"
+    if last.exists() and last.stat().st_mtime > time.time() - STALE_AFTER:
+        return
     evict()
+    last.touch()
 
 
 def _last_used(place: Path) -> float:
