@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Values of a method's parameters: one for all orbits, or an array (n,).
-OrbitParameters = Mapping[str, Value | State]
+OrbitParameters: TypeAlias = "Mapping[str, Value | State]"
 #: Rows of an ensemble or a section that a notebook shows.
 HEAD = 10
 

@@ -16,7 +16,7 @@ ROOMS = {
     ("integrators/families",): (9000, 7500, 30),
     ("integrators/stepping", "integrators/values", "integrators/systems"): (8400, 6600, 25),
     ("integrators/compile",): (1480, 1000, 16),
-    ("integrators",): (26400, 21000, 25),
+    ("integrators",): (25600, 21000, 25),
     ("reference",): (6655, 6200, 20),
     ("benchmarks/problems", "benchmarks/measure"): (12300, 9000, 25),
     ("benchmarks/store",): (3000, 1900, 20),
