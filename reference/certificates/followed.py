@@ -193,8 +193,8 @@ def _propagate(flow: Any, problem: Any, times: np.ndarray, ends: list[float] | N
 
 
 def _propagate_displaced(flow: Any, problem: Any, times: np.ndarray, ends: Sequence[float], seed: int) -> np.ndarray:
-    kick, at, long = _kicks(seed, len(ends)), set(_some(ends)), np.longdouble
-    wanted = set(times)
+    at = set(ends[:: max(1, len(ends) // KICKS)])  # about `KICKS` of the ends of steps
+    kick, wanted, long = _kicks(seed, len(ends)), set(times), np.longdouble
     taylor.start(flow, long, problem.q0, problem.p0)
     flow.state[:] = kick(flow.state)
     rows = []
@@ -207,11 +207,6 @@ def _propagate_displaced(flow: Any, problem: Any, times: np.ndarray, ends: Seque
         if t in at:
             flow.state[:] = kick(flow.state)
     return np.array(rows)
-
-
-def _some(ends: Sequence[float]) -> Sequence[float]:
-    """Select about `KICKS` of the times ``ends`` at which steps end: every kth of them."""
-    return ends[:: max(1, len(ends) // KICKS)]
 
 
 # -- Gauss's method ---------------------------------------------------------------------------------------------------

@@ -26,6 +26,8 @@ import numpy as np
 
 from phasebench.reference.solvers import taylor, watch
 
+from .along import upto
+
 #: Distance relative to the state's size; once rounding has grown to it, errors of trajectories are no longer given.
 LIMIT = 1e-13
 #: Largest relative change by rounding to a long double with 64 bits.
@@ -159,17 +161,18 @@ def within(grid: Sequence[float] | np.ndarray, distance: np.ndarray, size: np.nd
     return float(grid[last]) if last >= 0 else 0.0
 
 
-def neighbour(problem: Any, grid: Sequence[float] | np.ndarray, near: np.ndarray) -> np.ndarray:
+def neighbour(problem: Any, grid: Sequence[float], near: np.ndarray, everywhere: bool = False) -> np.ndarray:
     """Integrate an orbit whose start is displaced by the relative `SHIFT`; return its distance from a problem's orbit.
 
+    Each component is displaced in proportion to itself; if ``everywhere``, to the largest, also one that is 0.
     ``near`` are the states of the undisplaced orbit in long double at the times of the grid.  The result, array (n,),
     is at each of these times the largest distance so far.
     """
     start = np.array([float(x) for x in (*problem.q0, *problem.p0)])
-    shifted = start * (1 + SHIFT * (-1.0) ** np.arange(len(start)))
-    d = problem.system.d
+    size, d = np.abs(start).max() if everywhere else start, problem.system.d
+    shifted = start + SHIFT * size * (-1.0) ** np.arange(2 * d)
     other = taylor.states(problem.system, np.longdouble, shifted[:d], shifted[d:], grid)
-    return np.maximum.accumulate(np.abs(other - near).max(axis=1).astype(float))
+    return upto(np.abs(other - near).max(axis=1).astype(float))
 
 
 def growth(grid: Sequence[float] | np.ndarray, apart: np.ndarray, size: np.ndarray) -> tuple[float, float | None]:

@@ -34,7 +34,8 @@ def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) 
     unit = np.maximum(upto(path.size), apart / horizon.SHIFT)
     if problem.system.constrained:
         # Round-off leaves the hidden constraint, and off it orbits part faster than the neighbours that are on it.
-        unit = np.maximum(unit, _apart_off_manifold(problem, path) / horizon.SHIFT)
+        off = horizon.neighbour(problem, path.grid, path.near, everywhere=True)
+        unit = np.maximum(unit, off / horizon.SHIFT)
     beyond, own = _gauss(problem, path, unit)
     at = [path.grid.index(t) for t in times]
     said = [[Check(GAUSS, float(beyond[i]), float(own[i]))] for i in at]
@@ -46,19 +47,6 @@ def words(problem: Any, times: Sequence[float], path: Along, apart: np.ndarray) 
         for checks, distance, mine in zip(said, far, uncertainty, strict=True):
             checks.append(Check(IAS15, float(distance), float(mine)))
     return [tuple(checks) for checks in said]
-
-
-def _apart_off_manifold(problem: Any, path: Along) -> np.ndarray:
-    """How far an orbit on a constraint manifold and one that starts a little off the manifold come apart.
-
-    Each component of the start is displaced, also one that is 0, by `horizon.SHIFT` times the largest component.  The
-    result, array (n,), is at each time of ``path.grid`` the largest distance so far from the undisplaced orbit.
-    """
-    start = np.array([float(x) for x in (*problem.q0, *problem.p0)])
-    d, step = problem.system.d, horizon.SHIFT * np.abs(start).max()
-    shifted = start + step * (-1.0) ** np.arange(2 * d)
-    other = taylor.states(problem.system, np.longdouble, shifted[:d], shifted[d:], path.grid)
-    return upto(np.abs(other - path.near).max(axis=1).astype(float))
 
 
 def _gauss(problem: Any, path: Along, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,9 +9,8 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import struct
-from collections.abc import Callable, Iterator
-from functools import cache, wraps
-from typing import Any
+from collections.abc import Iterator
+from functools import cache
 
 #: 2^-1074 from its bits, since a process that flushes cannot compute it; and a 0 that no compiler can fold.
 (LEAST,) = struct.unpack("<d", (1).to_bytes(8, "little"))
@@ -38,7 +37,7 @@ def gradual() -> bool:
 
 @contextlib.contextmanager
 def restore_environment() -> Iterator[None]:
-    """A context that restores this thread's floating-point environment (modes, rounding, flags) at its end."""
+    """A context, or decorator, that restores this thread's floating-point environment (modes, rounding, flags)."""
     library = _library()
     if library is None:
         yield
@@ -49,14 +48,3 @@ def restore_environment() -> Iterator[None]:
         yield
     finally:
         library.fesetenv(before)
-
-
-def keeping(call: Callable) -> Callable:
-    """Decorator: restore the thread's floating-point environment (modes, rounding, flags) after each call."""
-
-    @wraps(call)
-    def kept_call(*arguments: Any) -> Any:
-        with restore_environment():
-            return call(*arguments)
-
-    return kept_call

@@ -177,7 +177,7 @@ def prepare(task: Task, setting: Setting, integrator: str, options: Mapping[str,
 
     advance = adaptively if adaptive else evenly
     if integrator == "whfast512":
-        advance = floating.keeping(advance)
+        advance = floating.restore_environment()(advance)
     return Calls(restart, advance, lambda: state(sim, setting), (sim, force))
 
 

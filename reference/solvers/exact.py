@@ -22,6 +22,8 @@ import numpy as np
 if TYPE_CHECKING:
     import mpmath
 
+    Flow = Callable[[mpmath.mpf], tuple[list[mpmath.mpf], list[mpmath.mpf]]]
+
 #: Extra working digits.
 GUARD = 15
 
@@ -65,9 +67,7 @@ def exact(
     return Q, P
 
 
-def _oscillator(
-    problem: Any, q: list[mpmath.mpf], p: list[mpmath.mpf]
-) -> Callable[[mpmath.mpf], tuple[list[mpmath.mpf], list[mpmath.mpf]]]:
+def _oscillator(problem: Any, q: list[mpmath.mpf], p: list[mpmath.mpf]) -> Flow:
     """The solution t -> (q, p) of the harmonic oscillator; omega**2 is that of the force, rounded to double."""
     import mpmath
     import sympy as sp
@@ -85,9 +85,7 @@ def _oscillator(
     return flow
 
 
-def _kepler(
-    problem: Any, q: list[mpmath.mpf], p: list[mpmath.mpf]
-) -> Callable[[mpmath.mpf], tuple[list[mpmath.mpf], list[mpmath.mpf]]] | None:
+def _kepler(problem: Any, q: list[mpmath.mpf], p: list[mpmath.mpf]) -> Flow | None:
     """The exact solution of the Kepler problem, a function t -> (q, p); None if the energy is not negative."""
     import mpmath
 

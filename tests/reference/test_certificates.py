@@ -9,7 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.problems import PROBLEMS, labels, problem
+from phasebench.benchmarks.problems import labels, problem
 from phasebench.benchmarks.studies import references
 from phasebench.integrators import Hamiltonian, InvalidInput
 from phasebench.reference.certificates import check, horizon, make, others, stored
@@ -436,9 +436,3 @@ def test_invalid_arguments_of_the_command(arguments, message):
     done = call("certify", *arguments)
     assert done.exit_code == 2
     assert message in done.stderr
-
-
-def test_names_select_orbits():
-    assert labels(["kepler:e"]) == ["kepler"]
-    assert labels(["pendulum", "pendulum:rotating"]) == ["pendulum:swinging", "pendulum:rotating"]
-    assert labels() == [made.at(o.name).label for made in map(problem, PROBLEMS) for o in made.orbits]

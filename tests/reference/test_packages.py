@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from functools import partial
 from types import SimpleNamespace
 
@@ -17,7 +16,6 @@ from phasebench.reference.peers import (
     integrate_peer,
     jax_loop,
     mujoco,
-    pyhamsys,
     pynamicalsys,
     run,
 )
@@ -53,13 +51,6 @@ def test_steps_are_ours_also_of_more_rows_than_a_call_returns(id, method, bound)
     assert apart_from_ours(PENDULUM, id, method, h=0.05, steps=600) < bound
 
 
-def test_gsl_takes_two_implicit_midpoint_steps_of_half_the_size():
-    need("gsl")
-    theirs = integrate_peer(PENDULUM, "gsl-rk2imp", h=0.1, steps=20)
-    for method, same in (("implicit-midpoint", True), ("gauss-2", False)):
-        assert (apart(theirs, integrate(PENDULUM, method, h=0.05, steps=40, save_every=2)) < 1e-12) == same
-
-
 @pytest.mark.parametrize("id", ["pyhamsys-verlet", "pyhamsys-verlet-extended", "desolver-rk4", "diffrax-euler"])
 def test_a_run_prints_and_logs_nothing(id, capfd, caplog):
     need(PEERS[id].package)
@@ -71,15 +62,15 @@ def test_a_run_prints_and_logs_nothing(id, capfd, caplog):
 @pytest.mark.parametrize(
     ("id", "module", "readings"),
     [
-        ("desolver-rk4", run, [7.0, 9.5]),
-        ("desolver-dopri45-adaptive", run, [7.0, 9.5]),
+        ("desolver-rk4", run, [7.0, 8.0, 11.0, 12.0, 20.0, 20.5]),
+        ("desolver-dopri45-adaptive", run, [7.0, 8.0, 11.0, 12.0, 20.0, 20.5]),
         ("diffrax-euler", jax_loop, [7.0, 9.5]),
         ("pyhamsys-verlet", run, [7.0, 8.0, 11.0, 12.5]),  # pieces of two and one steps
     ],
 )
 def test_seconds_are_those_between_clock_readings(id, module, readings, monkeypatch):
     need(PEERS[id].package)
-    left, again = list(readings), partial(integrate_peer, PENDULUM, id, h=0.1, steps=3, save_every=0)
+    left, again = list(readings), partial(integrate_peer, PENDULUM, id, h=0.1, steps=3)
     again()
     monkeypatch.setattr(module, "time", SimpleNamespace(perf_counter=lambda: left.pop(0)))
     assert again(tol=1e-6 if PEERS[id].adaptive else None).seconds == 2.5
@@ -100,16 +91,6 @@ def test_a_two_step_method_continues_across_pieces():
         before, now = now, before + 2 * h * field(0.0, now)
 
 
-def test_rows_end_before_a_failing_newton_step():
-    need("diffrax")
-    run = partial(integrate_peer, BLOWN_UP, "diffrax-kvaerno3", h=0.5, steps=10, q0=[1.0], p0=[1.0])
-    s = run()
-    failed = int(re.match(r"its equations were not solved in step (\d+);", s.reason)[1])
-    assert failed > 1
-    assert len(s.t) == failed
-    assert len(run(save_every=3).t) == 1 + (failed - 1) // 3
-
-
 def test_a_second_run_compiles_nothing_whatever_its_length(monkeypatch):
     """diffrax's loop is called at once with its own output, for which some versions of JAX compile it separately."""
     need("diffrax")
@@ -123,15 +104,6 @@ def test_a_second_run_compiles_nothing_whatever_its_length(monkeypatch):
     assert (len(found), failed, loop._loop._cache_size()) == (2 * jax_loop.ROWS + 2, -1, before)
 
 
-def test_jaxs_double_precision_is_switched_back():
-    need("diffrax")
-    import jax.numpy as jnp
-
-    before = jnp.ones(1).dtype
-    integrate_peer(PENDULUM, "diffrax-midpoint", h=0.1, steps=3)
-    assert jnp.ones(1).dtype == before
-
-
 def test_jax_md_rounds_the_step_to_single_precision():
     need("jax_md")
     for h, low, high in ((0.0625, 0.0, 1e-13), (0.05, 1e-9, 1e-6)):
@@ -139,12 +111,6 @@ def test_jax_md_rounds_the_step_to_single_precision():
 
 
 # -- desolver, pyhamsys -----------------------------------------------------------------------------------------------
-
-
-def test_a_run_of_pyhamsys_ends_with_the_piece_in_which_it_overflows():
-    need("pyhamsys")
-    s = integrate_peer(BLOWN_UP, "pyhamsys-verlet", t_end=400.0, steps=400, q0=[1.0], p0=[1.0])
-    assert (s.status, s.counts["steps"]) == ("diverged", pyhamsys.PIECE)
 
 
 # -- pynamicalsys, MuJoCo, OpenMM -------------------------------------------------------------------------------------

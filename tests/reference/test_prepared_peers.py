@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 import phasebench as pb
@@ -24,17 +23,6 @@ def test_a_returned_state_is_not_overwritten():
         run(*size, q0=[0.5, 0.1])
         assert (q == before[0]).all()
         assert (p == before[1]).all()
-
-
-def test_a_system_with_a_start_can_be_prepared_and_goes_back():
-    for id in ("heyoka", "rebound-ias15"):
-        run = pb.prepare(WELL, id, tol=1e-12, q0=[1.0], p0=[0.0])
-        checked = pb.integrate(WELL, id, tol=1e-12, t_end=2.0, q0=[1.0], p0=[0.0])
-        q, p, status = run(2.0)
-        assert (status, q[0], p[0]) == (run.SOLVED, checked.q[-1, 0], checked.p[-1, 0])
-        back, _, status = run(-2.0, q0=q, p0=p)
-        assert status == run.SOLVED
-        assert np.abs(back - 1.0).max() < 1e-10
 
 
 def test_a_failed_run_has_another_status():
@@ -59,8 +47,3 @@ def test_a_failed_run_has_another_status():
 def test_invalid_preparations_are_refused(method, options, said):
     with pytest.raises(pb.InvalidInput, match=said):
         pb.prepare("kepler", method, **options)
-
-
-def test_an_unsupported_problem_is_refused():
-    with pytest.raises(pb.InvalidInput, match="cannot do this"):
-        pb.prepare("henon-heiles:box", "rebound-whfast")

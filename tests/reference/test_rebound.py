@@ -125,12 +125,6 @@ def test_without_compilation_extra_forces_are_refused(monkeypatch):
 # -- traps ------------------------------------------------------------------------------------------------------------
 
 
-def test_singular_jacobi_coordinates_end_the_run():
-    here = problem("figure-eight")
-    s = integrate_peer(here.system, "rebound-whfast-plain", t_end=0.1, steps=10, q0=here.q0, p0=here.p0)
-    assert (s.status, len(s.t)) == ("diverged", 1)
-
-
 def test_rebounds_warning_is_the_reason(monkeypatch):
     """If a number of the rows is not finite, a warning of REBOUND becomes the reason."""
     state = particles.state
@@ -148,12 +142,6 @@ def test_rebounds_warning_is_the_reason(monkeypatch):
         s = integrate_peer(problem("pendulum"), "rebound-leapfrog", h=0.1, steps=5)
     assert (s.status, s.counts["steps"], len(s.t)) == ("diverged", 2, 3)
     assert s.reason.startswith("it went astray; ")
-
-
-def test_whfast_solves_kepler_to_round_off():
-    made = problem("kepler")
-    s = integrate_peer(made, "rebound-whfast", t_end=10.0, steps=97, save_every=0)
-    assert np.abs(s.q[-1] - reference(made, [10.0], certify=False).q[0]).max() < 1e-12
 
 
 def test_ias15_passes_zeros_of_the_acceleration():

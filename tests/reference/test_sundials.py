@@ -9,12 +9,7 @@ import pytest
 
 from phasebench.benchmarks.cli.advise import can_be_installed
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.store import cells
-from phasebench.benchmarks.studies.audit import STUDY
-from phasebench.integrators import integrate
 from phasebench.reference.peers import integrate_peer, record, sundials4py
-from phasebench.reference.solvers.taylor import reference
-from support.solutions import last
 
 PEERS = {p.id: p for p in sundials4py.PEERS}
 #: H - H0 at t = 50 as SUNDIALS stores it in examples/arkode/C_serial/ark_kepler_*.out: method -> (h, answer).
@@ -28,9 +23,6 @@ STORED = {
     "mclachlan-5-6": (0.1, 7.5734793938408984e-06),
     "yoshida-6-8": (0.1, 1.2681182276619296e-04),
 }
-#: Order -> steps of the two runs, for which errors are asymptotic and above round-off, and their orbit to its end.
-STEPS = {1: (100, 200), 2: (40, 80), 3: (40, 80), 4: (20, 40), 5: (16, 32), 6: (16, 32), 8: (8, 16), 10: (40, 50)}
-ORBITS = dict.fromkeys(STEPS, ("pendulum", 3.0)) | {10: ("henon-heiles:chaotic", 20.0)}
 KEPLER, HENON = problem("kepler", e=0.6), problem("henon-heiles:box")
 
 
@@ -56,17 +48,6 @@ def test_without_the_package_it_is_said_which_python_it_needs(monkeypatch):
         assert can_be_installed({"integrator": "gala-leapfrog"})
 
 
-def test_rows_wait_for_a_package_that_is_missing(monkeypatch):
-    """No measurement of a package can be made without it, whatever table it belongs to; the others can."""
-    known = cells.version_of
-    for missing in ("sundials4py", "scipy"):
-        monkeypatch.setattr(
-            cells, "version_of", lambda name, gone=missing: None if name == gone else known(name) or "1"
-        )
-        waiting = {c.names & {"sundials4py", "scipy"} for c in STUDY.cells() if not c.available}
-        assert waiting == {frozenset({missing})}
-
-
 @pytest.mark.parametrize("name", STORED)
 def test_stored_answers_of_the_kepler_problem(package, name):
     """ark_kepler stops at t = 50, steps are h here: the last of its 50,001 steps of 0.001 is round-off."""
@@ -75,36 +56,6 @@ def test_stored_answers_of_the_kepler_problem(package, name):
         s = integrate_peer(KEPLER, f"sundials-{name}{kind}", h=size, steps=round(50 / h), save_every=0)
         assert s.status == "ok"
         assert (s.energy()[-1] - s.energy()[0] == pytest.approx(stored, rel=1e-6, abs=1e-12)) == same
-
-
-@pytest.mark.parametrize("id", PEERS)
-def test_orders(package, id):
-    (name, end), steps, errors = ORBITS[PEERS[id].order], STEPS[PEERS[id].order], []
-    truth = reference(problem(name), [end], certify=False)
-    for n in steps:
-        s = integrate_peer(problem(name), id, t_end=end, steps=n, save_every=0)
-        errors.append(np.abs(last(s) - np.concatenate([truth.q[-1], truth.p[-1]])).max())
-    assert abs(np.log(errors[0] / errors[1]) / np.log(steps[1] / steps[0]) - PEERS[id].order) < 0.35
-
-
-@pytest.mark.parametrize(
-    ("name", "n", "order"), [("mclachlan-4-4", 40, 3), ("candy-rozmus-4-4", 40, 4), ("mclachlan-5-6", 30, 3)]
-)
-def test_two_methods_have_order_3_where_the_kinetic_energy_is_not_quadratic(package, name, n, order):
-    made = problem("lotka-volterra-log:2-2")
-    truth = reference(made, [1.0], certify=False)
-    ends = [integrate_peer(made, f"sundials-{name}", t_end=1.0, steps=k * n, save_every=0) for k in (1, 2)]
-    coarse, fine = (np.abs(last(s) - np.concatenate([truth.q[-1], truth.p[-1]])).max() for s in ends)
-    assert np.log2(coarse / fine) == pytest.approx(order, abs=0.15)
-
-
-def test_leapfrogs_are_ours(package):
-    for name, own in (("pseudo-leapfrog-2-2", "stormer-verlet"), ("leapfrog-2-2", "stormer-verlet-dkd")):
-        theirs = integrate_peer(HENON, f"sundials-{name}", h=0.05, steps=600, save_every=7)
-        ours = integrate(HENON, own, h=0.05, steps=600, save_every=7)
-        assert (theirs.t == ours.t).all()
-        assert np.abs(np.hstack([theirs.q - ours.q, theirs.p - ours.p])).max() < 1e-12
-        assert theirs.counts["gradient"] in (600, 1200), "version 7.9 leaves out forces whose coefficient is 0"
 
 
 def test_what_stood_in_memory_before_does_not_matter(package):
@@ -121,8 +72,3 @@ def test_compensated_sums_lose_less_of_the_angular_momentum(package):
         s = integrate_peer(KEPLER, f"sundials-mclachlan-4-4{kind}", h=0.01, steps=20_000, save_every=100)
         lost.append(np.abs(s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0] - 0.8).max())
     assert lost[1] < 1e-15 < 3e-15 < lost[0]
-
-
-def test_an_unknown_method_is_refused(package):
-    with pytest.raises(RuntimeError, match="returned"):
-        sundials4py._integrator("ARKODE_SPRK_NONE_9_9", False, HENON.system, np.ones(4), 0.1)
