@@ -43,8 +43,8 @@ def _build_if_valid(record: Method, values: dict) -> list[Method]:
 def variants(methods: Iterable[Method] = METHODS, **values: Sequence[Value]) -> list[Method]:
     """Return every method at every combination of tested parameter values that it accepts.
 
-    The values are those of `VALUES`; ``values``, name -> values, adds or replaces entries.  Other parameters keep their
-    default, and so do all parameters of a method of order above `LOW_ORDER`, unless its order is a parameter.
+    The values are those of `VALUES`, of which ``values`` replaces some; other parameters, and those of a method above
+    `LOW_ORDER` whose order is none of them, keep their default.
     """
     values = VALUES | values
     members = []
@@ -87,10 +87,7 @@ def coupled_double_well() -> Hamiltonian:
 
 
 def two_frequencies() -> Hamiltonian:
-    """Make a Henon-Heiles system with the frequencies 1 and 3/2, to test methods with filter functions.
-
-    With equal frequencies a filter would be a multiple of the identity, and every filtered method symplectic.
-    """
+    """Make a Henon-Heiles system with the frequencies 1 and 3/2: equal ones make all filtered methods symplectic."""
     H = "(p1**2 + p2**2)/2 + (q1**2 + 9*q2**2/4)/2 + q1**2*q2 - q2**3/3"
     return Hamiltonian(q="q1 q2", p="p1 p2", H=H, frequencies=[1, sp.Rational(3, 2)])
 
@@ -109,10 +106,7 @@ def on_sphere() -> ConstrainedHamiltonian:
 
 
 def rods() -> ConstrainedHamiltonian:
-    """Make a double pendulum in Cartesian coordinates: masses 1 and 2 on two rigid rods, d = 4, two constraints.
-
-    A cubic term of the potential couples the masses.
-    """
+    """Make masses 1 and 2 on two rods, coupled by a cubic term: d = 4, two constraints."""
     H = "(u1**2 + v1**2)/2 + (u2**2 + v2**2)/4 + y1 + 2*y2 + x2**2*y1/4"
     rods = ["x1**2 + y1**2 = 1", "(x2 - x1)**2 + (y2 - y1)**2 = 1"]
     return ConstrainedHamiltonian(q="x1 y1 x2 y2", p="u1 v1 u2 v2", H=H, constraints=rods)
@@ -130,10 +124,7 @@ def asymmetric_top() -> RigidBody:
 
 
 def nearly_symmetric_top() -> RigidBody:
-    """Make a heavy top with the moments of inertia 1/2, 1, 11/10: the last two are nearly equal.
-
-    The axis of the smallest moment passes through the centre of mass.
-    """
+    """Make a heavy top with the moments 1/2, 1, 11/10; the axis of the first passes through the centre of mass."""
     return RigidBody(moments=("1/2", 1, "11/10"), V="r31")
 
 
@@ -220,10 +211,8 @@ def runs_on(method: Method, name: str) -> bool:
 def systems(method: Method, few: bool | None = None) -> list[str]:
     """Return the names of the test systems, keys of `SYSTEMS`, on which a method is tested.
 
-    ``few`` restricts them to those in `FEW`, if the method can integrate any of these, and does not require a linear
-    fast part; by default it is True for a method of order above `LOW_ORDER`.  A method that requires a trait in
-    `BY_TRAIT` is tested on the systems named there.  A method whose formulae are too long, or steps too slow, on most
-    systems is tested on those in `SHORT` only.
+    Those in `BY_TRAIT` if it requires one of these traits, in `SHORT` if its formulae are long or its steps slow, and
+    with ``few`` (by default above `LOW_ORDER`) in `FEW`, if it can integrate any of these.
     """
     if method.parameters.get("order", 0) in HIGH or (method.family == "schemes_iv_v" and method.order > LOW_ORDER):
         return [n for n in SHORT if runs_on(method, n)]
@@ -237,20 +226,16 @@ def systems(method: Method, few: bool | None = None) -> list[str]:
 
 
 def magnetic(method: Method) -> list[str]:
-    """Return the names of the magnetic systems on which a method's preservation of phase-space volume is measured.
-
-    The list is empty for a method that neither requires a magnetic system nor is in `CONTROLS`, general methods that
-    are measured there for comparison.
-    """
+    """Return the magnetic systems on which volume is measured: of a method that requires one, or is in `CONTROLS`."""
     measured = "magnetic" in method.requires or method.id in CONTROLS
     return [n for n in MAGNETIC if runs_on(method, n)] if measured else []
 
 
 def expected_order(method: Method, name: str) -> int:
-    """Return the order of convergence that a method should show on a test system, a key of `SYSTEMS`.
+    """Return the order that a method should show on a test system: the declared one, or 2.
 
-    It is the declared order, or 2 for a partitioned averaged vector field (or Itoh-Abe) method of two blocks on a
-    separable H = T(p) + V(q): the result does not depend on the order of the blocks there, so that it is symmetric.
+    A partitioned averaged vector field (or Itoh-Abe) method of two blocks is symmetric for H = T(p) + V(q), where the
+    order of the blocks does not matter.
     """
     system = SYSTEMS[name]()[0]
     blocks = {"pavf": 2, "pavf-adjoint": 2, "itoh-abe": 2 * system.d}.get(method.id)
@@ -263,9 +248,6 @@ def canonical(name: str) -> bool:
 
 
 def keeps_a_form(name: str) -> bool:
-    """True if step maps on a test system can be symplectic, in phase space or on the manifold of its constraints.
-
-    ``name`` is a key of `SYSTEMS`.
-    """
+    """True if step maps on a test system can be symplectic, in phase space or on the manifold of its constraints."""
     system = SYSTEMS[name]()[0]
     return system.canonical or system.constrained

@@ -33,18 +33,12 @@ Vectors = Callable[..., np.ndarray]
 
 
 def position(problem: Problem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Return the position of a body relative to the central body at n times, array (n, 3).
-
-    ``body`` is its index (0: the central one); q has shape (n, d), body after body.  problem and p are not used.
-    """
+    """Return the position of a body, by its index, relative to the central one: array (n, 3)."""
     return q[:, SPACE * body : SPACE * (body + 1)] - q[:, :SPACE]
 
 
 def _cartesian(name: str, component: int) -> Callable:
-    """Make the function (problem, body, q, p) -> array (n,) of one coordinate or velocity component of a body.
-
-    ``component`` is 0-2 for x, y, z and 3-5 for vx, vy, vz, in the frame of the table of bodies.
-    """
+    """The function (problem, body, q, p) -> (n,) of x, y, z (0-2) or vx, vy, vz (3-5) in the table's frame."""
     axis = component % SPACE
 
     def value(problem: PlanetarySystem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -88,10 +82,7 @@ KINDS: dict[str, tuple[str, str, Callable, bool]] = {
 
 
 def of_body(name: str, body: int, kind: str) -> Quantity:
-    """Make the `Quantity` that measures ``kind`` (a key of `KINDS`, such as "longitude") of a body at a run's end.
-
-    ``name`` and ``body`` are the body's name and index.
-    """
+    """Make the `Quantity` of a ``kind``, a key of `KINDS`, of the body of a name and an index, at a run's end."""
     about, unit, value, angle = KINDS[kind]
 
     def values(problem: PlanetarySystem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -61,10 +61,7 @@ def build(name: str) -> Problem:
 
 @cache
 def _at(name: str, places: int) -> tuple[PartitionedSystem, np.ndarray, mpmath.mpf]:
-    """(System, a state (2 d,) on its orbit `LATER` units of time after the start, unit of time), in multiprecision.
-
-    ``places``, the working digits, only tells cached results apart.
-    """
+    """(System, state (2 d,) on its orbit `LATER` units of time after the start, unit of time), in ``places`` digits."""
     made = build(name)
     unit = mpmath.mpf(made.pace.unit)
     start, retract = vector([*made.q0, *made.p0]), retraction(made.system)
@@ -95,10 +92,7 @@ def _parts(chosen: Method, system: PartitionedSystem, y: np.ndarray) -> int:
 
 
 def _order(chosen: Method, name: str) -> dict:
-    """The order over `SPAN` units of time, or over a smaller time if it is off there: two error terms may compete.
-
-    If the errors are no larger than round-off, there is only ``order_reason``, "exact".
-    """
+    """The order over `SPAN` units of time, or fewer if it is off there; only "exact" if errors are round-off."""
     system, y, unit = _at(name, mpmath.mp.dps)
     parts = _parts(chosen, system, y)
     counts = LADDER if chosen.one_step else tuple(n * chosen.earlier for n in MULTISTEP_LADDER)
@@ -190,10 +184,7 @@ def _unmeasured(name: str, chosen: Method, system: PartitionedSystem) -> str:
 
 
 def row(method: str, problem: str) -> dict:
-    """Order, defects and errors of a method on a problem, each a number or the reason why there is none.
-
-    This runs in a process without Numba, which compiles nothing.
-    """
+    """Order, defects and errors of a method on a problem, or why there is none; in a process without Numba."""
     chosen = BY_ID[method]
     found = {"declared_order": chosen.order, "symplectic": chosen.symplectic, "symmetric": chosen.symmetric}
     found |= {"energy_class": chosen.energy, "quadratic_class": chosen.quadratic}

@@ -89,11 +89,7 @@ def _number(x: Fraction | float | mpmath.mpf) -> mpmath.mpf:
 
 
 def _parametric(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
-    """Of generating-function steps: ``data`` is (order, substeps).
-
-    A substep (c, mu, lambda) has the length c h and the gradient of the generating function K at (mu q1 + (1 - mu) q0,
-    lambda p1 + (1 - lambda) p0).
-    """
+    """A substep (c, mu, lambda) has the length c h and the gradient of the generating function at these weights."""
     order, substeps = data
     one, total = mpmath.mpf(1), mpmath.eye(2)
     for c, mu, lam in substeps:

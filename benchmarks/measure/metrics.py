@@ -37,8 +37,7 @@ class Order:
     Attributes
     ----------
     value, low, high : the order and its interval
-    first, last : the largest and the smallest h of the window
-    points : number of points in the window; 0, and all else NaN, if fewer than 3 points can be used
+    first, last, points : the largest and the smallest h of the window, and how many; 0, and all else NaN, below 3
     """
 
     value: float
@@ -70,10 +69,7 @@ def slope(x: ArrayLike, y: ArrayLike) -> Slope:
 
 
 def t_value(x: ArrayLike, y: ArrayLike) -> float:
-    """Return the least-squares slope of y on x, arrays (n,) with n >= 3, in its standard errors.
-
-    Raises ValueError for fewer points or if all x are equal.
-    """
+    """Return the least-squares slope of y on x in its standard errors; raises as `slope`."""
     value, error, _ = _line(x, y)
     return float(value / error)
 

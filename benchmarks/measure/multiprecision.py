@@ -69,12 +69,10 @@ AMPLIFIED = sum(
 
 
 def extrapolate(f: Callable[[np.ndarray], np.ndarray], y: np.ndarray, T: Number) -> tuple[np.ndarray, Number]:
-    """Solve y' = f(y) from y over a time T, by extrapolation of the explicit midpoint rule (W. B. Gragg 1965).
+    """Solve y' = f(y) by extrapolation of the explicit midpoint rule (W. B. Gragg 1965): (y(T), uncertainty).
 
-    Returns (y(T), its uncertainty in the max norm), y being an array of multiprecision numbers.
-
-    The uncertainty is the difference between the last two entries in the last row of the extrapolation table, plus a
-    bound of round-off.
+    The uncertainty, in the max norm, is the difference between the last two entries in the last row of the table, plus
+    a bound of round-off.
     """
     rows: list = []
     for j in range(COLUMNS):
@@ -111,10 +109,7 @@ def digits(record: Method) -> int:
 
 
 def start(name: str) -> tuple[PartitionedSystem, np.ndarray]:
-    """Return (system, state (q, p)) of a test system, ``name`` in `battery.SYSTEMS`, in the working precision.
-
-    The state is on the system's orbit away from turning points, at which symmetry would raise the observed order.
-    """
+    """Return (system, state (q, p)) of a test system in working precision, on its orbit away from turning points."""
     return _start(name, mpmath.mp.dps)
 
 
@@ -128,10 +123,7 @@ def _start(name: str, digits: int) -> tuple[PartitionedSystem, np.ndarray]:
 
 
 def reference(name: str) -> tuple[PartitionedSystem, np.ndarray, np.ndarray, Number]:
-    """Return (system, initial state, state at time `SPAN`, its uncertainty) of a test system, in working precision.
-
-    ``name`` is a key of `battery.SYSTEMS`; the later state is computed by extrapolation (`flow`).
-    """
+    """Return (system, initial state, state at time `SPAN`, its uncertainty) of a test system, in working precision."""
     return _reference(name, mpmath.mp.dps)
 
 
@@ -161,10 +153,7 @@ def advance(
 
 
 def errors(record: Method, name: str) -> dict:
-    """Return a method's errors on a test system at time `SPAN` for several steps: {h, error, doubt}.
-
-    ``h`` and ``error`` are lists, the errors in the max norm; ``doubt`` is the uncertainty of the reference.
-    """
+    """Return errors on a test system at `SPAN`: lists h and error; the reference's uncertainty ``doubt``."""
     system, y, end, doubt = reference(name)
     steps = ladder(record)
     error = [max(abs(advance(system, record, y, SPAN / n, n) - end)) for n in steps]
@@ -194,8 +183,7 @@ def step_of(record: Method) -> Fraction:
 def defect(record: Method, name: str) -> float:
     """Return the symplecticity defect max |M^T J M - J| of a method's step on a test system, M its Jacobian.
 
-    With constraints it is that of the two-form on the manifold.  For an order above `LOW_ORDER` it is the change of the
-    two-form of one pair of vectors only.
+    With constraints it is that of the two-form on the manifold; above `LOW_ORDER` that of one pair of vectors.
     """
     system, y = start(name)
     h = step_of(record)
@@ -210,8 +198,7 @@ def defect(record: Method, name: str) -> float:
 def distance(record: Method, name: str, back: Method | None = None) -> float:
     """Return the distance from the start after a step h with ``record`` and a step -h with ``back``, on a test system.
 
-    ``back`` is a method, by default ``record`` itself: the distance is then the defect of symmetry.  h is the step of
-    `step_of`, and ``name`` a key of `battery.SYSTEMS`.
+    ``back`` is by default ``record`` itself: the distance is then the defect of symmetry.
     """
     system, y = start(name)
     h = step_of(record)
@@ -235,19 +222,12 @@ CELLS = {
 
 
 def cells(what: str) -> list[tuple[str, str]]:
-    """Return the pairs (method's label, test system's name) on which the measurement ``what`` is made.
-
-    ``what`` is "orders", "symplecticity", "symmetry" or "volume".
-    """
+    """Return the pairs (method's label, test system) on which the measurement ``what``, a key of `CELLS`, is made."""
     return [(m.label, n) for m in methods().values() for n in CELLS[what][1](m)]
 
 
 def measure(what: str, label: str, name: str) -> dict | float | str:
-    """Make the measurement ``what`` of the method with a label on the test system ``name``, and return its result.
-
-    ``what`` is "orders", "symplecticity", "symmetry" or "volume".  The result is the dict of `errors` for "orders",
-    else a defect; if the measurement fails, it is the error's text.
-    """
+    """Make a measurement of `CELLS`: its result or, if it fails, the error's text."""
     record = methods()[label]
     with precision(digits(record)):
         try:
@@ -263,10 +243,7 @@ def methods() -> dict[str, Method]:
 
 
 def everywhere(what: str) -> dict:
-    """Make the measurement ``what`` for all methods on all their test systems: {method's label: {system: result}}.
-
-    ``what`` is "orders", "symplecticity", "symmetry" or "volume".
-    """
+    """Make a measurement of `CELLS` for all methods: {method's label: {system: result}}."""
     out: dict = {label: {} for label in methods()}
     for label, name in cells(what):
         out[label][name] = measure(what, label, name)
@@ -274,13 +251,10 @@ def everywhere(what: str) -> dict:
 
 
 def frozen() -> dict[str, dict[str, dict[str, float]]]:
-    """Repeat a step of an energy-preserving method by the symplectic method with the same parameter lambda.
+    """Repeat a step of Schemes IV and V by I and III, the symplectic methods with the same lambda, held fixed.
 
-    Schemes I and III are symplectic methods with a fixed parameter lambda.  Schemes IV and V take the steps of I and
-    III, respectively, with a lambda that they choose in each step so that H is conserved.
-
-    Returns {id of Scheme IV or V: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda
-    fixed, the distance between the ends of this step and of the energy-preserving one, and lambda.
+    Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda fixed, its
+    distance from the energy-preserving one, and lambda.
     """
     out = {}
     for free, fixed in (("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")):
@@ -301,9 +275,8 @@ def frozen() -> dict[str, dict[str, dict[str, float]]]:
 def adjoint() -> dict[str, dict[str, dict[str, float]]]:
     """Measure whether the adjoint of a method with a parameter lam is the same method with 1 - lam.
 
-    Returns {method's label: {system: {adjoint, itself}}}, two distances from the start: after a step h of the method at
-    lam, and a step -h of the method at 1 - lam (``adjoint``) or at lam (``itself``).  Symmetric methods, which are
-    their own adjoints, are left out.
+    Returns {method's label: {system: {adjoint, itself}}}, the distances from the start after a step at lam and one back
+    at 1 - lam, or at lam.  Symmetric methods, which are their own adjoints, are left out.
     """
     out = {}
     for record in variants():
@@ -319,10 +292,7 @@ def adjoint() -> dict[str, dict[str, dict[str, float]]]:
 def leaves(
     data: tuple[Any, ...], path: tuple[int, ...] = ()
 ) -> Iterator[tuple[tuple[int, ...], float | Fraction | mpmath.mpf]]:
-    """Yield (path, number) for every coefficient in a method's nested tuples ``data`` that is not an integer.
-
-    A path is a tuple of indices, one for each level of the tuples.
-    """
+    """Yield (path of indices, number) for every coefficient in nested tuples that is not an integer."""
     for i, x in enumerate(data):
         if isinstance(x, tuple):
             yield from leaves(x, (*path, i))
@@ -331,19 +301,13 @@ def leaves(
 
 
 def replace_at(data: tuple[Any, ...], path: Sequence[int], value: Number) -> tuple[Any, ...]:
-    """Return a copy of nested tuples ``data`` with another value at ``path``, a sequence of indices."""
+    """Return a copy of nested tuples ``data`` with another value at ``path``."""
     i, *rest = path
     return (*data[:i], replace_at(data[i], rest, value) if rest else value, *data[i + 1 :])
 
 
 def perturbation_effects() -> dict[str, dict]:
-    """Measure how much a relative perturbation of each coefficient by `SLIP` changes a step of its method.
-
-    Shows whether a misprint in a coefficient would be detected.  Returns {method's id: {system, error, rows}}, where
-    ``error`` is that of the unperturbed step.  ``rows`` has a dict for each coefficient: its path in the method's data
-    and the step's error; if that is less than ten times the unperturbed one, also the defects of symplecticity and
-    symmetry.
-    """
+    """Measure how much a relative perturbation of each coefficient changes a step: {id: `perturbation_row`}."""
     out = {}
     for record in METHODS:
         name = next((n for n in systems(record, few=True)[::-1] if keeps_a_form(n)), None)
@@ -354,9 +318,10 @@ def perturbation_effects() -> dict[str, dict]:
 
 
 def perturbation_row(record: Method, name: str) -> dict:
-    """Measure how a relative perturbation of each coefficient of a method by `SLIP` changes a step on a test system.
+    """Measure how much a relative perturbation of each coefficient by `SLIP` changes a step on a test system.
 
-    Returns {system, error, rows}, see `perturbation_effects`.
+    Returns {system, error, rows}: the unperturbed step's error, and for each coefficient its path and the step's error;
+    if that is less than ten times the unperturbed one, also the defects of symplecticity and symmetry.
     """
     system, y = start(name)
     end = flow(system, y, SHORT_STEP, pieces=1)[0]
@@ -375,10 +340,7 @@ def perturbation_row(record: Method, name: str) -> dict:
 
 
 def control_errors() -> dict[str, dict[str, dict]]:
-    """Measure the errors of methods with a wrong first coefficient, 1/8 too large: a negative control of the orders.
-
-    One method of each family that has coefficients is taken.  Returns {method's id: {system: result of `errors`}}.
-    """
+    """Errors of a method of each family with a first coefficient 1/8 too large, a control: {id: {system: errors}}."""
     out: dict = {}
     families = {m.family: m for m in reversed(METHODS) if m.order <= LOW_ORDER and list(leaves(m.data))}
     for record in families.values():
@@ -389,10 +351,7 @@ def control_errors() -> dict[str, dict[str, dict]]:
 
 
 def observed_order(row: Mapping[str, Any]) -> Order:
-    """Return the observed order (`metrics.Order`) from ``row``, a result of `errors`: {h, error, doubt}.
-
-    Errors up to ten times the reference's uncertainty, ``doubt``, are left out.
-    """
+    """Return the observed order from a result of `errors`, without errors up to ten times the uncertainty."""
     return order(row["h"], row["error"], noise=10 * row["doubt"])
 
 

@@ -160,7 +160,7 @@ def matrix(chosen: Integrator, z: float) -> np.ndarray | None:
 
 
 def linear(chosen: Integrator) -> bool:
-    """True if an integrator's step on the oscillator is a linear map of the state alone, so that its matrix decides.
+    """True if a step on the oscillator is a linear map of the state alone, so that its matrix decides.
 
     False for a method that may replace a failed step by a simpler one, which does not conserve what the method claims.
     """
@@ -199,10 +199,9 @@ def find(chosen: Integrator) -> Found:
 
 
 def noise(chosen: Integrator, z: float) -> float:
-    """Return the error of the entries of an integrator's step matrix M at z, 0 if a step fails.
+    """Return the error of the entries of a step matrix M at z, 0 if a step fails: the distance of M y from a step of y.
 
-    It is the largest distance between M y and the state after a step from y, for two states y.  It is round-off, except
-    where the substeps of an implicit step amplify the error of its solver.
+    It is round-off, except where the substeps of an implicit step amplify the error of its solver.
     """
     M = matrix(chosen, z)
     images = [end(chosen, z, 1, state) for state in STATES]
@@ -212,11 +211,7 @@ def noise(chosen: Integrator, z: float) -> float:
 
 
 def of_matrix(step_matrix: StepMatrix, noise: Callable[[float], float] = lambda z: 0.0) -> Found:
-    """Find the stable steps z of a linear map from its matrix.
-
-    ``step_matrix`` is a function z -> matrix (2, 2) of a step, None if it fails; ``noise`` is z -> the error of its
-    entries.
-    """
+    """Find the stable steps of a linear map z -> matrix (2, 2), None if a step fails; ``noise``: z -> its error."""
     known = _cache_matrices(step_matrix)
     pieces, scanned = _pieces(known, noise)
     reason = "" if scanned else "no step can be taken"
@@ -231,10 +226,7 @@ def of_matrix(step_matrix: StepMatrix, noise: Callable[[float], float] = lambda 
 
 
 def _pieces(step_matrix: StepMatrix, noise: Callable[[float], float]) -> tuple[list[tuple[float, float]], float]:
-    """Return (stable intervals of z, end of the scan) of a linear map, to scan accuracy.
-
-    A longer and coarser scan follows if the map is stable up to the end of the first.
-    """
+    """(Stable intervals, end of the scan), to scan accuracy; stable up to its end, a longer one follows."""
     first = linear_stability.stability(step_matrix, noise=noise)
     pieces, last = list(first.intervals), linear_stability.LAST
     if not pieces or pieces[-1][1] < last:
@@ -271,10 +263,7 @@ def _margin(z: float, step_matrix: StepMatrix, i: int) -> float:
 
 
 def _sharp(step_matrix: StepMatrix, z: float, inside: int) -> float:
-    """Refine the end of a stable interval near z: the root of the stability margin that changes sign there.
-
-    ``inside`` is +1 if larger z are stable, -1 if smaller ones are.  Returns z itself if no margin changes sign.
-    """
+    """The root of the margin that changes sign near z, or z; ``inside`` is +1 if larger z are stable, else -1."""
     from scipy.optimize import brentq
 
     away = 1e-9 * z
@@ -309,10 +298,7 @@ def _touches(step_matrix: StepMatrix, a: float, b: float) -> list[float]:
 
 
 def of_runs(chosen: Integrator) -> Found:
-    """Find the steps z = h omega at which an integrator stays bounded on the oscillator, by long runs.
-
-    This is for maps that are not linear, so that no matrix decides.
-    """
+    """Find the steps z at which an integrator stays bounded by long runs, for maps that are not linear."""
     why: list[str] = []
 
     def stays(z: float) -> bool:
@@ -336,10 +322,7 @@ def of_runs(chosen: Integrator) -> Found:
 
 
 def of_roots(chosen: Integrator) -> Found:
-    """Find the stable steps z of a multistep method from the roots of rho(x) + z^2 sigma(x).
-
-    ``reason`` of the result tells how long runs just below and just above the limit ended.
-    """
+    """Find the stable steps of a multistep method from the roots of rho(x) + z^2 sigma(x), and run beside it."""
     intervals = tuple(stable_intervals(Multistep(*chosen.record.data)))
     limit = intervals[0][1] if intervals else 0.0
     ends = []
@@ -349,10 +332,7 @@ def of_roots(chosen: Integrator) -> Found:
 
 
 def _bisect(stays: Callable[[float], bool], good: float, bad: float) -> float:
-    """Return the last stable step between a stable one, ``good``, and an unstable one, ``bad``, by bisection.
-
-    ``stays`` tells whether a step is stable.  The accuracy is relative, `SHARPNESS`, but not better than `LEAST`.
-    """
+    """The last stable step between ``good`` and ``bad``, to the relative accuracy `SHARPNESS`, or `LEAST`."""
     while abs(bad - good) > max(SHARPNESS * max(bad, good), LEAST):
         middle = (good + bad) / 2
         good, bad = (middle, bad) if stays(middle) else (good, middle)
@@ -360,10 +340,7 @@ def _bisect(stays: Callable[[float], bool], good: float, bad: float) -> float:
 
 
 def failure_of_run(chosen: Integrator, z: float, steps: int) -> str:
-    """Return how a run of ``steps`` steps z = h omega on the oscillator failed; "" if it did not.
-
-    It is the status of the run, or "grown" if q or p exceeded `GROWN` times the initial size.
-    """
+    """Return how a run failed: its status, "grown" beyond `GROWN` times the initial size, or ""."""
     s = chosen.run(_problem(chosen)[0], h=z, steps=steps, save_every=max(1, steps // 200))
     if s.status != OK:
         return s.status

@@ -21,9 +21,8 @@ class Orbit:
 
     Attributes
     ----------
-    name : kebab-case
+    name, about : kebab-case, and a line
     q, p : d doubles each, exactly the initial state
-    about : a description in a line
     times : rising times at which certified (reference) states are stored.  If the flow is chaotic or unstable, a run in
         long double no longer follows the orbit to the last of these times, but all stored digits are still right there
     """
@@ -94,10 +93,6 @@ class Problem:
             object.__setattr__(self, "invariants", {name: self._formula(name, e) for name, e in given.items()})
 
     def _formula(self, name: str, given: Formula) -> Formula:
-        """Return the formula of the invariant ``name`` as a SymPy expression, parsed if it is given as text.
-
-        Raises InvalidInput, naming the invariant, for a text that is no formula of the system's variables.
-        """
         if not isinstance(given, str) or not isinstance(self.system, PartitionedSystem):
             return given
         try:
@@ -181,6 +176,25 @@ class Scene:
         if not quick:
             return self.steps
         return self.steps[:4] if self.purpose == ORDER else self.steps[:1]
+
+
+def check_positive(what: str, **values: float) -> None:
+    """Raise InvalidInput for the first of some parameters, name -> value, of ``what`` that is not positive."""
+    for name, value in values.items():
+        if not value > 0:
+            raise InvalidInput(f"{name} of {what} is {value}; it must be positive")
+
+
+def whole(what: str, value: float, least: int, most: int) -> int:
+    """Return a number as an integer; raise InvalidInput, naming ``what`` it counts, if it is none or out of bounds."""
+    if int(value) != value or not least <= value <= most:
+        raise InvalidInput(f"the number {what} is {value}; it must be an integer from {least} to {most}")
+    return int(value)
+
+
+def floats(numbers: ArrayLike) -> tuple[float, ...]:
+    """Return numbers of any type, also nested, as a flat tuple of doubles: the q or p of an `Orbit`."""
+    return tuple(float(x) for x in np.ravel(numbers))
 
 
 def halvings(h: float, count: int) -> tuple[float, ...]:

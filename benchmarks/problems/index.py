@@ -61,10 +61,7 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 
 
 def plain(value: object) -> object:
-    """Return a finite real number of any type as int or float, and anything else unchanged.
-
-    Equal values then share an entry of a cache.
-    """
+    """Return a finite real number of any type as int or float (equal keys of a cache), and anything else unchanged."""
     if not _finite(value):
         return value
     return int(value) if isinstance(value, Integral) else float(value)
@@ -78,10 +75,9 @@ def _finite(value: object) -> bool:
 
 
 def real_parameters(what: str, known: Iterable[str], values: Mapping[str, object]) -> dict[str, int | float]:
-    """Return parameters, name -> value, as ints and floats.
+    """Return parameters, name -> value, as ints and floats; ``what`` names their owner in messages.
 
-    Raises InvalidInput for a name that is not ``known`` and for a value that is no finite number; ``what`` names their
-    owner in messages.
+    Raises InvalidInput for a name that is not ``known`` and for a value that is no finite number.
     """
     for key, value in values.items():
         if key not in known:
