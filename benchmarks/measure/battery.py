@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.problems.base import Orbit, Problem
+from phasebench.benchmarks.problems.base import Orbit, Problem, floats
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS
@@ -86,12 +86,6 @@ def coupled_double_well() -> Hamiltonian:
     )
 
 
-def two_frequencies() -> Hamiltonian:
-    """Make a Henon-Heiles system with the frequencies 1 and 3/2: equal ones make all filtered methods symplectic."""
-    H = "(p1**2 + p2**2)/2 + (q1**2 + 9*q2**2/4)/2 + q1**2*q2 - q2**3/3"
-    return Hamiltonian(q="q1 q2", p="p1 p2", H=H, frequencies=[1, sp.Rational(3, 2)])
-
-
 def relativistic_particle() -> Hamiltonian:
     """Make a relativistic charged particle in a magnetic mirror with an electric potential; m = 1/2, c = 2."""
     A = ("-y*(1 + z**2/4)/2", "x*(1 + z**2/4)/2", "0")
@@ -99,75 +93,54 @@ def relativistic_particle() -> Hamiltonian:
     return Hamiltonian(q="x y z", p="px py pz", H=f"2*sqrt(1 + {square}) + x**2*y/4 - y*z/3 + z**4/8")
 
 
-def on_sphere() -> ConstrainedHamiltonian:
-    """Make a particle on the unit sphere in an anharmonic potential: d = 3, one constraint."""
-    H = "(u**2 + v**2 + w**2)/2 + z + x**2*y/2 - z**2*x/3"
-    return ConstrainedHamiltonian(q="x y z", p="u v w", H=H, constraints=["x**2 + y**2 + z**2 = 1"])
+def _turned(momentum: tuple[float, ...], moments: tuple, V: str) -> tuple[RigidBody, tuple, tuple]:
+    body = RigidBody(moments=moments, V=V)
+    return body, *map(floats, body.start(attitude=(0.8, 0.48, 0.0, -0.36), momentum=momentum))
 
 
-def rods() -> ConstrainedHamiltonian:
-    """Make masses 1 and 2 on two rods, coupled by a cubic term: d = 4, two constraints."""
-    H = "(u1**2 + v1**2)/2 + (u2**2 + v2**2)/4 + y1 + 2*y2 + x2**2*y1/4"
-    rods = ["x1**2 + y1**2 = 1", "(x2 - x1)**2 + (y2 - y1)**2 = 1"]
-    return ConstrainedHamiltonian(q="x1 y1 x2 y2", p="u1 v1 u2 v2", H=H, constraints=rods)
+def _bound(q: str, p: str, H: str, *constraints: str) -> ConstrainedHamiltonian:
+    return ConstrainedHamiltonian(q=q, p=p, H=H, constraints=constraints)
 
 
-def on_ellipsoid() -> ConstrainedHamiltonian:
-    """Make a system with a non-separable H on an ellipsoid: d = 3, one constraint."""
-    H = "(u**2 + v**2)/2*(1 + z**2/4) + w**2/2 + x*v/4 + u*w*y/3 + x**2*y/2 + z"
-    return ConstrainedHamiltonian(q="x y z", p="u v w", H=H, constraints=["x**2 + 2*y**2 + 3*z**2 = 1"])
+def _two_frequencies() -> Hamiltonian:
+    H = "(p1**2 + p2**2)/2 + (q1**2 + 9*q2**2/4)/2 + q1**2*q2 - q2**3/3"
+    return Hamiltonian(q="q1 q2", p="p1 p2", H=H, frequencies=[1, sp.Rational(3, 2)])
 
 
-def asymmetric_top() -> RigidBody:
-    """Make a rigid body with three different moments of inertia in an anisotropic potential of its attitude."""
-    return RigidBody(moments=(1, "3/2", 2), V="r33 + r13/2 - r12*r31/3")
-
-
-def nearly_symmetric_top() -> RigidBody:
-    """Make a heavy top with the moments 1/2, 1, 11/10; the axis of the first passes through the centre of mass."""
-    return RigidBody(moments=("1/2", 1, "11/10"), V="r31")
-
-
-def geodesic() -> SplitHamiltonian:
-    """Make the geodesics near a Schwarzschild black hole off the equatorial plane, H a sum of four solvable parts."""
-    parts = ["u**2/2", "-u**2/r", "v**2/(2*r**2)", "-1/(2 - 4/r) + 8/(r**2*sin(f)**2)"]
-    return SplitHamiltonian(q="r f", p="u v", parts=parts)
-
-
-def many_parts() -> SplitHamiltonian:
-    """Make a polynomial H, d = 2, of five parts with exact flows: shears, monomials, a square (`systems.parts`)."""
-    parts = [
-        "(q1**2 + 2*p1**2)/2",
-        "q2*p2*(1 + q1**2)/5",
-        "p2**2/2 + p1**3/9",
-        "q1*q2**2/3 + q2**4/4 + q2**2/2",
-        "q1**2*p1*q2/7",
-    ]
-    return SplitHamiltonian(q="q1 q2", p="p1 p2", parts=parts)
-
-
-def _turned(body: RigidBody, momentum: tuple[float, ...]) -> tuple[RigidBody, tuple[float, ...], tuple[float, ...]]:
-    return body, *(tuple(map(float, x)) for x in body.start(attitude=(0.8, 0.48, 0.0, -0.36), momentum=momentum))
-
-
-#: Name -> a cached function that returns (system, q, p).
+#: H of a particle on the unit sphere; of masses 1 and 2 on two rods, coupled by a cubic term; on an ellipsoid.
+ON_SPHERE = "(u**2 + v**2 + w**2)/2 + z + x**2*y/2 - z**2*x/3", "x**2 + y**2 + z**2 = 1"
+RODS = (
+    "(u1**2 + v1**2)/2 + (u2**2 + v2**2)/4 + y1 + 2*y2 + x2**2*y1/4",
+    *("x1**2 + y1**2 = 1", "(x2 - x1)**2 + (y2 - y1)**2 = 1"),
+)
+ON_ELLIPSOID = (
+    "(u**2 + v**2)/2*(1 + z**2/4) + w**2/2 + x*v/4 + u*w*y/3 + x**2*y/2 + z",
+    "x**2 + 2*y**2 + 3*z**2 = 1",
+)
+#: Geodesics near a Schwarzschild black hole off the equatorial plane; shears, monomials, a square (`systems.parts`).
+GEODESIC = ("u**2/2", "-u**2/r", "v**2/(2*r**2)", "-1/(2 - 4/r) + 8/(r**2*sin(f)**2)")
+MANY_PARTS = (
+    *("(q1**2 + 2*p1**2)/2", "q2*p2*(1 + q1**2)/5", "p2**2/2 + p1**3/9"),
+    *("q1*q2**2/3 + q2**4/4 + q2**2/2", "q1**2*p1*q2/7"),
+)
+#: Name -> a cached function that returns (system, q, p).  With equal frequencies every filtered method is symplectic.
 SYSTEMS = {
     "pendulum": cache(lambda: _of("pendulum:swinging")),
     "henon-heiles": cache(lambda: _of("henon-heiles:chaotic")),
     "perturbed-kepler": cache(lambda: _of("perturbed-kepler")),
     "lotka-volterra": cache(lambda: _of("lotka-volterra")),
     "tao": cache(lambda: (tao(), (0.3,), (-0.7,))),
-    "two-frequencies": cache(lambda: (two_frequencies(), (0.1, -0.2), (0.3, 0.15))),
+    "two-frequencies": cache(lambda: (_two_frequencies(), (0.1, -0.2), (0.3, 0.15))),
     "coupled": cache(lambda: (coupled_double_well(), (0.4, -0.6), (0.5, 0.3))),
     "charged-particle": cache(lambda: _of("charged-particle")),
     "magnetic-mirror": cache(lambda: _of("magnetic-mirror")),
-    "on-sphere": cache(lambda: (on_sphere(), (1.0, 0.0, 0.0), (0.0, 0.5, -0.75))),
-    "rods": cache(lambda: (rods(), (1.0, 0.0, 1.0, 1.0), (0.0, 0.5, -0.75, 1.0))),
-    "on-ellipsoid": cache(lambda: (on_ellipsoid(), (1.0, 0.0, 0.0), (0.0, 0.5, -0.75))),
-    "asymmetric-top": cache(lambda: _turned(asymmetric_top(), (0.4, -0.9, 0.6))),
-    "nearly-symmetric-top": cache(lambda: _turned(nearly_symmetric_top(), (0.5, 0.6, -0.7))),
-    "geodesic": cache(lambda: (geodesic(), (10.0, 1.3), (0.1, 2.5))),
-    "many-parts": cache(lambda: (many_parts(), (0.4, -0.6), (0.5, 0.3))),
+    "on-sphere": cache(lambda: (_bound("x y z", "u v w", *ON_SPHERE), (1.0, 0.0, 0.0), (0.0, 0.5, -0.75))),
+    "rods": cache(lambda: (_bound("x1 y1 x2 y2", "u1 v1 u2 v2", *RODS), (1.0, 0.0, 1.0, 1.0), (0.0, 0.5, -0.75, 1.0))),
+    "on-ellipsoid": cache(lambda: (_bound("x y z", "u v w", *ON_ELLIPSOID), (1.0, 0.0, 0.0), (0.0, 0.5, -0.75))),
+    "asymmetric-top": cache(lambda: _turned((0.4, -0.9, 0.6), (1, "3/2", 2), "r33 + r13/2 - r12*r31/3")),
+    "nearly-symmetric-top": cache(lambda: _turned((0.5, 0.6, -0.7), ("1/2", 1, "11/10"), "r31")),
+    "geodesic": cache(lambda: (SplitHamiltonian(q="r f", p="u v", parts=GEODESIC), (10.0, 1.3), (0.1, 2.5))),
+    "many-parts": cache(lambda: (SplitHamiltonian(q="q1 q2", p="p1 p2", parts=MANY_PARTS), (0.4, -0.6), (0.5, 0.3))),
     "relativistic-particle": cache(lambda: (relativistic_particle(), (0.3, -0.5, 0.4), (0.4, 0.6, -0.3))),
 }
 #: Systems on which formulae of high order stay short; enough for long compositions that solve an equation per substep.
@@ -200,7 +173,7 @@ def _of(name: str) -> tuple[PartitionedSystem, tuple[float, ...], tuple[float, .
 def as_problem(name: str) -> Problem:
     """Make a `Problem` of a test system, a key of `SYSTEMS`, with its initial state as the only orbit."""
     system, q, p = SYSTEMS[name]()
-    return Problem(name, name, "", system, (Orbit("start", tuple(map(float, q)), tuple(map(float, p))),))
+    return Problem(name, name, "", system, (Orbit("start", floats(q), floats(p)),))
 
 
 def runs_on(method: Method, name: str) -> bool:

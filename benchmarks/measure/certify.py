@@ -136,7 +136,14 @@ def certify(
     if t_end is not None:
         if len(names) != 1:
             raise InvalidInput("t_end certifies one problem: name one, as id or id:orbit")
-        return _state(names[0], float(t_end), time_limit, progress)
+        made = problem_of(names[0])
+        new = certify_end(made, float(t_end), time_limit, progress)
+        (end,) = new.ends
+        checks = tuple({"solver": c.solver, "distance": c.distance, "uncertainty": c.uncertainty} for c in end.checks)
+        return CertifiedState(
+            *(made.label, end.t, end.q, end.p, end.q_text, end.p_text),
+            *(end.uncertainty, new.horizon, end.agree, checks),
+        )
     outcomes = recheck(labels(names), progress)
     wrong = tuple(o.certificate.problem for o in outcomes if not o.holds)
     return References(tuple(o.row() for o in outcomes), not wrong, wrong)
@@ -178,14 +185,3 @@ def certify_end(made: Problem, t_end: float, time_limit: float, progress: Callab
         raise InvalidInput(f"{made.label} cannot be certified to {t_end:g} in {limit}: {late}") from None
     except ReferenceFailed as error:
         raise InvalidInput(f"{made.label} cannot be certified to {t_end!r}: {error}") from None
-
-
-def _state(name: str, t_end: float, time_limit: float, progress: Callable[[str], None]) -> CertifiedState:
-    made = problem_of(name)
-    new = certify_end(made, t_end, time_limit, progress)
-    (end,) = new.ends
-    checks = tuple({"solver": c.solver, "distance": c.distance, "uncertainty": c.uncertainty} for c in end.checks)
-    return CertifiedState(
-        *(made.label, end.t, end.q, end.p, end.q_text, end.p_text),
-        *(end.uncertainty, new.horizon, end.agree, checks),
-    )

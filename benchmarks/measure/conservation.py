@@ -1,4 +1,4 @@
-"""Conservation of an invariant along a run: its largest error, and the drift of the error with an interval."""
+"""Conservation along a run: the largest error of an invariant, its drift with an interval, and when none is to be."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from .drift import drift
 from .metrics import invariant_error
 
 if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 
@@ -31,3 +32,22 @@ def energy(
     H = system.observe(system.H, q, p)
     kinetic = sum(system.observe(e, q, p) * p[:, i] for i, e in enumerate(system.dq))
     return H, conservation(t, H, float(np.abs(H).max() + np.abs(kinetic).max()))
+
+
+def energy_error(made: Problem, q: np.ndarray, p: np.ndarray) -> float:
+    """Return the largest |H / H_0 - 1| over states q, p, arrays (n, d), of the problem ``made``; H_0 is the first H."""
+    E = made.system.observe(made.system.H, q, p)
+    return float(np.abs(E / E[0] - 1).max())
+
+
+def too_few_nodes(method: str, system: PartitionedSystem) -> bool:
+    """True if the method of the id "hbvm-k-s" has too few nodes to conserve a system's H; False for other methods.
+
+    HBVM(k, s) conserves polynomials of degree at most 2k/s (L. Brugnano, F. Iavernaro, D. Trigiante, J. Numer. Anal.
+    Ind. Appl. Math. 5 (2010) 17-37).
+    """
+    kind, *sizes = method.split("-")
+    if kind != "hbvm":
+        return False
+    degree = system.polynomial_degree
+    return degree is None or degree > 2 * int(sizes[0]) / int(sizes[1])

@@ -80,10 +80,15 @@ class Stability:
 def margins(M: ArrayLike, noise: float = 0.0) -> np.ndarray:
     """Return Jury's margins of M (2, 2), plus an allowance for round-off and the error ``noise`` of its entries."""
     M = np.asarray(M, dtype=float)
-    trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     size = np.abs(M).max()
     allowance = (SLACK + NOISY * noise) * (1 + size) + min(ROUNDING * size**2, 1)
-    return np.array([1 - trace + det, 1 + trace + det, 1 - det]) + allowance
+    return jury(M) + allowance
+
+
+def jury(M: np.ndarray) -> np.ndarray:
+    """Return the margins 1 - tr M + det M, 1 + tr M + det M and 1 - det M of a matrix (2, 2), >= 0 if it is stable."""
+    trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
+    return np.array([1 - trace + det, 1 + trace + det, 1 - det])
 
 
 def _with_bounded(three: np.ndarray) -> np.ndarray:

@@ -8,10 +8,9 @@ vector field with the methods.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from functools import cache, partial
+from functools import cache, wraps
 from typing import TYPE_CHECKING, Any
 
 import mpmath
@@ -20,10 +19,8 @@ import numpy as np
 from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, precision, to_number, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import Method
-from phasebench.integrators.registry import METHODS, method
 
 from .battery import (
-    FEW,
     LATER,
     LOW_ORDER,
     SYSTEMS,
@@ -31,7 +28,6 @@ from .battery import (
     high_order_variants,
     keeps_a_form,
     magnetic,
-    runs_on,
     systems,
     variants,
 )
@@ -54,10 +50,6 @@ MULTISTEP_LADDER = (64, 96, 128)
 STEP = Fraction(1, 40)
 #: Step for the defects of methods with variable steps, whose defect is as small as their error.
 VARIABLE_STEP = Fraction(3, 10)
-#: Relative perturbation of a coefficient that must be detected, and the step for it.
-SLIP, SHORT_STEP = Fraction(1, 10**6), SPAN / 16
-#: Methods with more coefficients are left out: their tables are checked by the order conditions.
-MOST = 12
 COLUMNS = 14
 
 
@@ -108,13 +100,15 @@ def digits(record: Method) -> int:
     return max(DIGITS, 8 * record.order)
 
 
+def _of_precision(function: Callable) -> Callable:
+    """Cache a function of a name for each working precision."""
+    kept = cache(lambda name, digits: function(name))
+    return wraps(function)(lambda name: kept(name, mpmath.mp.dps))
+
+
+@_of_precision
 def start(name: str) -> tuple[PartitionedSystem, np.ndarray]:
     """Return (system, state (q, p)) of a test system in working precision, on its orbit away from turning points."""
-    return _start(name, mpmath.mp.dps)
-
-
-@cache
-def _start(name: str, digits: int) -> tuple[PartitionedSystem, np.ndarray]:
     system, q, p = SYSTEMS[name]()
     y = vector([*q, *p])
     if name not in ("tao", "coupled", "two-frequencies"):
@@ -122,13 +116,9 @@ def _start(name: str, digits: int) -> tuple[PartitionedSystem, np.ndarray]:
     return system, y
 
 
+@_of_precision
 def reference(name: str) -> tuple[PartitionedSystem, np.ndarray, np.ndarray, Number]:
     """Return (system, initial state, state at time `SPAN`, its uncertainty) of a test system, in working precision."""
-    return _reference(name, mpmath.mp.dps)
-
-
-@cache
-def _reference(name: str, digits: int) -> tuple[PartitionedSystem, np.ndarray, np.ndarray, Number]:
     system, y = start(name)
     return system, y, *flow(system, y, SPAN)
 
@@ -242,119 +232,6 @@ def methods() -> dict[str, Method]:
     return by_label(variants() + high_order_variants())
 
 
-def everywhere(what: str) -> dict:
-    """Make a measurement of `CELLS` for all methods: {method's label: {system: result}}."""
-    out: dict = {label: {} for label in methods()}
-    for label, name in cells(what):
-        out[label][name] = measure(what, label, name)
-    return out
-
-
-def frozen() -> dict[str, dict[str, dict[str, float]]]:
-    """Repeat a step of Schemes IV and V by I and III, the symplectic methods with the same lambda, held fixed.
-
-    Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda fixed, its
-    distance from the energy-preserving one, and lambda.
-    """
-    out = {}
-    for free, fixed in (("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")):
-        out[free] = {}
-        for name in FEW:
-            system, y = start(name)
-            d = system.d
-            s = integrate(system, free, h=STEP, steps=1, q0=y[:d], p0=y[d:], arithmetic=MULTIPRECISION)
-            lam = float(s.parameter[0])
-            if lam != lam:
-                continue
-            frozen_method = method(fixed, lam=lam)
-            gap = max(abs(advance(system, frozen_method, y, STEP) - np.concatenate([s.q[-1], s.p[-1]])))
-            out[free][name] = {"defect": defect(frozen_method, name), "distance": float(gap), "lam": lam}
-    return out
-
-
-def adjoint() -> dict[str, dict[str, dict[str, float]]]:
-    """Measure whether the adjoint of a method with a parameter lam is the same method with 1 - lam.
-
-    Returns {method's label: {system: {adjoint, itself}}}, the distances from the start after a step at lam and one back
-    at 1 - lam, or at lam.  Symmetric methods, which are their own adjoints, are left out.
-    """
-    out = {}
-    for record in variants():
-        if "lam" in record.parameters and not record.symmetric:
-            other = record(lam=1 - record.parameters["lam"])
-            pairs = [n for n in FEW if runs_on(record, n)]
-            out[record.label] = {
-                n: {"adjoint": distance(record, n, other), "itself": distance(record, n)} for n in pairs
-            }
-    return out
-
-
-def leaves(
-    data: tuple[Any, ...], path: tuple[int, ...] = ()
-) -> Iterator[tuple[tuple[int, ...], float | Fraction | mpmath.mpf]]:
-    """Yield (path of indices, number) for every coefficient in nested tuples that is not an integer."""
-    for i, x in enumerate(data):
-        if isinstance(x, tuple):
-            yield from leaves(x, (*path, i))
-        elif isinstance(x, (float, Fraction, mpmath.mpf)) and x != int(x):
-            yield (*path, i), x
-
-
-def replace_at(data: tuple[Any, ...], path: Sequence[int], value: Number) -> tuple[Any, ...]:
-    """Return a copy of nested tuples ``data`` with another value at ``path``."""
-    i, *rest = path
-    return (*data[:i], replace_at(data[i], rest, value) if rest else value, *data[i + 1 :])
-
-
-def perturbation_effects() -> dict[str, dict]:
-    """Measure how much a relative perturbation of each coefficient changes a step: {id: `perturbation_row`}."""
-    out = {}
-    for record in METHODS:
-        name = next((n for n in systems(record, few=True)[::-1] if keeps_a_form(n)), None)
-        if name and 0 < len(list(leaves(record.data))) <= MOST:
-            with precision(digits(record)):
-                out[record.id] = perturbation_row(record, name)
-    return out
-
-
-def perturbation_row(record: Method, name: str) -> dict:
-    """Measure how much a relative perturbation of each coefficient by `SLIP` changes a step on a test system.
-
-    Returns {system, error, rows}: the unperturbed step's error, and for each coefficient its path and the step's error;
-    if that is less than ten times the unperturbed one, also the defects of symplecticity and symmetry.
-    """
-    system, y = start(name)
-    end = flow(system, y, SHORT_STEP, pieces=1)[0]
-
-    def error(m: Method) -> float:
-        return float(max(abs(advance(system, m, y, SHORT_STEP) - end)))
-
-    right, rows = error(record), []
-    for path, x in leaves(record.data):
-        m = replace(record, data=replace_at(record.data, path, to_number(x, MULTIPRECISION) * (1 + SLIP)))
-        row = {"path": list(path), "error": error(m)}
-        if row["error"] < 10 * right:
-            row |= {"symplecticity": defect(m, name), "symmetry": distance(m, name)}
-        rows.append(row)
-    return {"system": name, "error": right, "rows": rows}
-
-
-def control_errors() -> dict[str, dict[str, dict]]:
-    """Errors of a method of each family with a first coefficient 1/8 too large, a control: {id: {system: errors}}."""
-    out: dict = {}
-    families = {m.family: m for m in reversed(METHODS) if m.order <= LOW_ORDER and list(leaves(m.data))}
-    for record in families.values():
-        path, x = next(leaves(record.data))
-        wrong = replace(record, data=replace_at(record.data, path, to_number(x, MULTIPRECISION) * 9 / 8))
-        out[record.id] = {n: errors(wrong, n) for n in systems(record, few=True)}
-    return out
-
-
 def observed_order(row: Mapping[str, Any]) -> Order:
     """Return the observed order from a result of `errors`, without errors up to ten times the uncertainty."""
     return order(row["h"], row["error"], noise=10 * row["doubt"])
-
-
-MEASUREMENTS = {what: partial(everywhere, what) for what in CELLS} | {
-    f.__name__: f for f in (frozen, adjoint, perturbation_effects, control_errors)
-}

@@ -105,11 +105,6 @@ class Found:
 
 
 @lru_cache(maxsize=1)
-def _oscillator() -> Problem:
-    return problem_of(PROBLEM)
-
-
-@lru_cache(maxsize=1)
 def _on_a_line() -> Problem:
     """Make the oscillator in the plane with the constraint x = y, for methods that require constraints."""
     H = "(u**2 + v**2 + x**2 + y**2)/2"
@@ -121,7 +116,7 @@ def _problem(chosen: Integrator) -> tuple[Any, np.ndarray]:
     """Return (the oscillator, the unit vector (d,) along which it moves), constrained if the integrator needs that."""
     if "constrained" in getattr(chosen.record, "requires", ()):
         return _on_a_line(), np.full(2, 0.5**0.5)
-    return _oscillator(), np.ones(1)
+    return problem_of(PROBLEM), np.ones(1)
 
 
 _last: list = [None, None]
@@ -170,12 +165,11 @@ def linear(chosen: Integrator) -> bool:
         M = matrix(chosen, z)
         if M is None:
             return True
-        other = np.array([0.6, -0.8])
-        two, one = end(chosen, z, 2), end(chosen, z, 1, tuple(other))
+        two, one = end(chosen, z, 2), end(chosen, z, 1, STATES[0])
         if two is None or one is None:
             return False
         size = max(1.0, np.abs(M).max())  # large beside a pole of the trace
-        if np.abs(two - (M @ M)[:, 0]).max() > SAME * size**2 or np.abs(one - M @ other).max() > SAME * size:
+        if np.abs(two - (M @ M)[:, 0]).max() > SAME * size**2 or np.abs(one - M @ STATES[0]).max() > SAME * size:
             return False
     return True
 
@@ -254,8 +248,7 @@ def _margins(step_matrix: StepMatrix, z: float) -> tuple[np.ndarray, float]:
     M = step_matrix(z)
     if M is None or not np.isfinite(M).all():
         return np.full(3, -1.0), 0.0
-    trace, det = np.trace(M), M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
-    return np.array([1 - trace + det, 1 + trace + det, 1 - det]), NOISE * (1 + np.abs(M).max()) ** 2
+    return linear_stability.jury(M), NOISE * (1 + np.abs(M).max()) ** 2
 
 
 def _margin(z: float, step_matrix: StepMatrix, i: int) -> float:
@@ -347,54 +340,16 @@ def failure_of_run(chosen: Integrator, z: float, steps: int) -> str:
     return "grown" if max(np.abs(s.q).max(), np.abs(s.p).max()) > GROWN else ""
 
 
-def row(chosen: Integrator) -> dict:
-    """Return an integrator's stable steps on the oscillator as a dict for JSON, the output of ``phasebench stability``.
-
-    Its keys are method, params (the parameters), limit, intervals, how, touches, scanned and reason; see `Stability`.
-    """
-    found = find(chosen)
-    return {
-        "method": chosen.id,
-        "params": {k: str(v) for k, v in chosen.record.parameters.items()},
-        "limit": found.limit,
-        "intervals": [list(x) for x in found.intervals],
-        "how": found.how,
-        "touches": list(found.touches),
-        "scanned": found.scanned,
-        "reason": found.reason,
-    }
-
-
-@dataclass(frozen=True, repr=False)
-class Stability(TabularResult):
-    """The stable steps of a method on the harmonic oscillator, z = h omega.
-
-    Attributes
-    ----------
-    method, parameters : its id, and the values of its parameters
-    limit : the end of the stable interval that begins at 0; 0 if none begins there, None if its end is beyond the scan
-    intervals : pairs (from, to) in order; ``to`` is None if it lies beyond ``scanned``
-    touches : values inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
-    scanned : the z at which the scan ended
-    how : how stability was decided, in words: by the `TRACE` of the step's matrix, by long `RUNS`, or by the `ROOTS` of
-        a multistep method's polynomials
-    reason : why the scan ended early, how the first unstable run failed, or how runs beside a known limit ended; or ""
-    """
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Stability(TabularResult, Found):
+    """The stable steps of a method, its id, with the values of its parameters: as they were `Found`, and as a table."""
 
     method: str
     parameters: Mapping[str, str]
-    limit: float | None
-    intervals: tuple[tuple[float, float | None], ...]
-    touches: tuple[float, ...]
-    scanned: float
-    how: str
-    reason: str
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return a DataFrame of one row, a column for each attribute; ``params`` has the method's parameters."""
-        import pandas as pd
-
-        line = {
+    def row(self) -> dict[str, Any]:
+        """Return it as a dict for JSON, the output of ``phasebench stability``; ``params`` has the parameters."""
+        return {
             "method": self.method,
             "params": dict(self.parameters),
             "limit": self.limit,
@@ -404,7 +359,12 @@ class Stability(TabularResult):
             "scanned": self.scanned,
             "reason": self.reason,
         }
-        return pd.DataFrame([line]).astype(object)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a DataFrame of one row, the columns of `row`."""
+        import pandas as pd
+
+        return pd.DataFrame([self.row()]).astype(object)
 
     def _heading(self) -> list[str]:
         values = ", ".join(f"{k}={v}" for k, v in self.parameters.items())
@@ -441,9 +401,5 @@ def stability(
         For an unknown method or parameter, an adaptive peer, or a method that cannot integrate the oscillator.
     """
     chosen = integrator(method, parameters=parameters)
-    found = find(chosen)
     values = {k: str(v) for k, v in chosen.record.parameters.items()}
-    return Stability(
-        *(chosen.id, values, found.limit, found.intervals),
-        *(found.touches, found.scanned, found.how, found.reason),
-    )
+    return Stability(**vars(find(chosen)), method=chosen.id, parameters=values)

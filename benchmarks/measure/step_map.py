@@ -30,14 +30,7 @@ def jacobian(step: Callable, y: ArrayLike, delta: Number | None = None) -> np.nd
     """
     y = np.asarray(y)
     delta = np.finfo(float).eps ** 0.2 if delta is None else delta
-    columns = []
-    for i in range(len(y)):
-        e = np.zeros(len(y), dtype=y.dtype)
-        e[i] = delta
-        near = step(y + e) - step(y - e)
-        far = step(y + 2 * e) - step(y - 2 * e)
-        columns.append((8 * near - far) / (12 * delta))
-    return np.array(columns).T
+    return np.array([derivative(step, y, e, delta) for e in np.eye(len(y), dtype=y.dtype)]).T
 
 
 def form_residual(M: ArrayLike) -> np.ndarray:

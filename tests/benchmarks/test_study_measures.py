@@ -20,8 +20,8 @@ from phasebench.benchmarks.judge.evidence import NO_DEFECT
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, MISSING, UNTESTABLE, WHERE
 from phasebench.benchmarks.ladder import choice as ladder_choice
 from phasebench.benchmarks.measure import every_problem
+from phasebench.benchmarks.measure.declared import least_visible
 from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
-from phasebench.benchmarks.measure.visible import least_visible
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.models import one_body, springs
 from phasebench.benchmarks.studies import constraints, extended, printed, rigid, sampling
