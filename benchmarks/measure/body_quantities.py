@@ -13,6 +13,7 @@ If the orbit is retrograde at the start, z and :math:`n_z` have the other sign: 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,22 +82,20 @@ KINDS: dict[str, tuple[str, str, Callable, bool]] = {
 }
 
 
-def of_body(name: str, body: int, kind: str) -> Quantity:
-    """Make the `Quantity` of a ``kind``, a key of `KINDS`, of the body of a name and an index, at a run's end."""
-    about, unit, value, angle = KINDS[kind]
-
-    def values(problem: PlanetarySystem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return value(problem, body, q, p)
-
-    return Quantity(f"{name}.{kind}", f"of {name} {about}, at the end", unit, values, angle=angle)
-
-
 def of_bodies(problem: Problem) -> Iterator[Quantity]:
     """Yield a `Quantity` for every body and kind (longitude, distance, x, ...) of a problem; none without bodies."""
     found = getattr(problem, "bodies", None)
     for body, name in enumerate(found.names if found is not None else ()):
-        seen = KINDS if body else CARTESIAN if found.frame != HELIOCENTRIC else ()
-        yield from (of_body(name, body, kind) for kind in seen)
+        for kind in KINDS if body else CARTESIAN if found.frame != HELIOCENTRIC else ():
+            about, unit, value, angle = KINDS[kind]
+            values = partial(_of_rows, value, body)
+            yield Quantity(f"{name}.{kind}", f"of {name} {about}, at the end", unit, values, angle=angle)
+
+
+def _of_rows(
+    value: Callable, body: int, problem: PlanetarySystem, t: np.ndarray, q: np.ndarray, p: np.ndarray
+) -> np.ndarray:
+    return value(problem, body, q, p)
 
 
 def body_of(problem: Problem, quantity: Quantity) -> str | None:

@@ -80,19 +80,10 @@ def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: 
 def _law(
     space: Division, scheme: Scheme, step: Step, h: float, density: Callable, flux: Callable
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Return (density's change, flux difference) of a law in a step h, arrays (N,) over cells."""
     z, rate = space.lift(step.Y), space.lift(step.T)
     change = (density(space.lift(step.end)) - density(space.lift(step.start))) / h
     return change, space.divergence(step_flux(scheme, flux, z, rate))
-
-
-def energy(space: Division, scheme: Scheme, step: Step, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (density's change, flux difference) of the energy law in a step h, arrays (N,) over cells."""
-    return _law(space, scheme, step, h, space.energy, space.energy_flux)
-
-
-def momentum(space: Division, scheme: Scheme, step: Step, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (density's change, flux difference) of the momentum law in a step h, arrays (N,) over cells."""
-    return _law(space, scheme, step, h, space.momentum, space.momentum_flux)
 
 
 def measure(
@@ -115,8 +106,8 @@ def measure(
             size = np.prod([np.abs(t.start).max() for t in pair])
             laws[name].add(two_form(space, scheme, pair, h), EPS * (D**2 + 1 / h) * size)
         unit = EPS * D**2 / h * np.abs(step.start).max() ** 2
-        laws[ENERGY].add(energy(space, scheme, step, h), unit)
-        laws[MOMENTUM].add(momentum(space, scheme, step, h), unit)
+        laws[ENERGY].add(_law(space, scheme, step, h, space.energy, space.energy_flux), unit)
+        laws[MOMENTUM].add(_law(space, scheme, step, h, space.momentum, space.momentum_flux), unit)
         for y in (step.start, step.end)[bool(kept["energies"]) :]:
             kept["energies"].append(space.total_energy(y))
             kept["invariants"].append(invariant(y))

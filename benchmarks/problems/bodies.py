@@ -88,21 +88,10 @@ class Bodies:
 
     @property
     def content(self) -> tuple:
-        """The table as nested tuples of numbers and strings, which can be hashed and pickled."""
+        """The table as nested tuples of numbers and strings, which tell it from another."""
         with mpmath.workdps(DIGITS):
             rows = tuple((b.name, b.mass, tuple(map(str, (*b.x, *b.v))), b.massive) for b in self.members)
         return rows, tuple(self.units), self.frame
-
-    @classmethod
-    def of_content(cls, content: tuple) -> Bodies:
-        """Make the bodies from their `content`, nested tuples of numbers and strings."""
-        rows, of_units, frame = content
-        with mpmath.workdps(DIGITS):
-            members = tuple(
-                Body(name, mass, tuple(map(mpmath.mpf, numbers[:3])), tuple(map(mpmath.mpf, numbers[3:])), massive)
-                for name, mass, numbers, massive in rows
-            )
-        return cls(members, Units(*of_units), frame)
 
     def without(self, names: Iterable[str]) -> Bodies:
         """Return the table without the bodies of these names."""
@@ -147,7 +136,11 @@ def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, hea
     where, heads : the name of the table in messages, such as its path, and the names of the columns
     """
     chosen = _columns(heads, where)
-    frame = _frame(frame, chosen, where)
+    if frame is None and chosen != ELEMENTS:
+        raise InvalidInput(f"{where}: it does not say about what positions are; say the frame: {' or '.join(FRAMES)}")
+    frame = frame or HELIOCENTRIC
+    if frame not in FRAMES:
+        raise InvalidInput(f"{where}: {unknown_name('frame', frame, FRAMES)}")
     if len(rows) < 2:
         raise InvalidInput(f"{where}: there are {len(rows)} bodies; give the central one first, then at least one more")
     if len(rows) > MOST:
@@ -204,16 +197,6 @@ def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
         )
         raise InvalidInput(f"{where}: the column {missing[0]} is missing; write {wanted}")
     return chosen
-
-
-def _frame(frame: str | None, chosen: tuple[str, ...], where: str) -> str:
-    if frame is None and chosen == ELEMENTS:
-        return HELIOCENTRIC
-    if frame is None:
-        raise InvalidInput(f"{where}: it does not say about what positions are; say the frame: {' or '.join(FRAMES)}")
-    if frame not in FRAMES:
-        raise InvalidInput(f"{where}: {unknown_name('frame', frame, FRAMES)}")
-    return frame
 
 
 def _name(place: str, row: Mapping[str, object], names: dict[str, str]) -> str:

@@ -157,13 +157,8 @@ def from_file(path: str | Path, **parameters: float | str) -> PlanetarySystem:
 
 def of_bodies(found: Bodies, id: str) -> PlanetarySystem:
     """Return the problem, with the given id, of a checked table of bodies, from the cache on disk if it is there."""
-    content = found.content
-    made = kept.load_or_make(("planetary", *content), partial(_build_from_content, content))
+    made = kept.load_or_make(("planetary", *found.content), partial(build, found))
     return replace(made, id=id, bodies=found)
-
-
-def _build_from_content(content: tuple) -> PlanetarySystem:
-    return build(Bodies.of_content(content))
 
 
 def build(found: Bodies) -> PlanetarySystem:
