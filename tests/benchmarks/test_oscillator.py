@@ -118,6 +118,11 @@ def test_nonlinear_map_is_judged_by_long_runs():
     assert found.reason
 
 
+def test_a_step_may_be_linear_on_the_unit_vectors_alone():
+    assert oscillator.linear(integrator(lambda system, q, p, h: (q, -p)))
+    assert not oscillator.linear(integrator(lambda system, q, p, h: (q, abs(p))))
+
+
 def test_integrators_without_a_step_are_refused():
     with pytest.raises(InvalidInput, match="tolerance"):
         pb.stability("heyoka")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import gmpy2
 import numpy as np
 import pytest
@@ -103,3 +105,13 @@ def test_arguments_in_another_order_are_refused():
             own_step.from_function(step)
     for step in (lambda system, q, p, dt: (q, p), lambda system, x, v, h: (x, v)):
         assert own_step.from_function(step).step is step
+
+
+def test_step_of_a_file_travels_by_its_path_and_asks_for_a_canonical_system(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text("def step(system, q, p, h):\n    return q, p\n")
+    made = own_step.from_file(file)
+    file.write_text("def step(system, q, p, h):\n    return q + h, p\n")
+    assert pickle.loads(pickle.dumps(made)).step(None, 0.0, 0.0, 1.0) == (1.0, 0.0), "the receiver reads the file"
+    assert made.lacks(HENON.system) is None
+    assert "canonical" in made.lacks(problem("lotka-volterra").system)
