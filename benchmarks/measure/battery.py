@@ -6,23 +6,19 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING
 
 import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.base import Orbit, Problem, floats
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.keywords import Value
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
-from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 from phasebench.integrators.systems.parts import SplitHamiltonian
 from phasebench.integrators.systems.rigid import RigidBody
-
-if TYPE_CHECKING:
-    from phasebench.integrators.keywords import Value
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Parameter name -> the values to test; other parameters keep their default.
 VALUES = {

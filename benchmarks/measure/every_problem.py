@@ -15,8 +15,8 @@ Source: Hairer, Lubich & Wanner, Geometric Numerical Integration (2006), V.1 and
 from __future__ import annotations
 
 import time
+from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING
 
 import mpmath
 import numpy as np
@@ -24,20 +24,16 @@ import sympy as sp
 
 from phasebench.benchmarks.judge.evidence import GATE
 from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, precision, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from phasebench.integrators.values.kinds import Number
 
 from . import metrics, step_map
 from .multiprecision import DIGITS, MULTISTEP_LADDER, SPAN, advance, digits, flow, observed_order, retraction
-
-if TYPE_CHECKING:
-    from fractions import Fraction
-
-    from phasebench.benchmarks.problems.base import Problem
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
-    from phasebench.integrators.values.kinds import Number
 
 #: A method is exact if its error is at most `EXACT` units of round-off plus `DOUBTS` times the reference's uncertainty.
 EXACT, DOUBTS = 1e6, 10

@@ -10,7 +10,7 @@ growing, and the phase error has a part linear in time.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from fractions import Fraction
 
 import mpmath
 import numpy as np
@@ -20,9 +20,6 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.coefficients.tableaus import runge_kutta
 from phasebench.integrators.registry import BY_ID, method
 from phasebench.integrators.systems import generating
-
-if TYPE_CHECKING:
-    from fractions import Fraction
 
 #: Working precision; binary places of the integers in `errors`.
 DIGITS, PLACES = 50, 160

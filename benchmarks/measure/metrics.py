@@ -9,12 +9,9 @@ Source: N. R. Draper, H. Smith, Applied Regression Analysis (1998), 1.4 (the int
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike
 
 CONFIDENCE = 0.95
 #: Windows whose slope has a narrower half-interval count as equally good; the longest of them is taken.

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cache, wraps
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -19,6 +19,8 @@ import numpy as np
 from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, precision, to_number, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import Method
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from phasebench.integrators.values.kinds import Number
 
 from .battery import (
     LATER,
@@ -31,14 +33,8 @@ from .battery import (
     systems,
     variants,
 )
-from .metrics import order
+from .metrics import Order, order
 from .step_map import jacobian, pair_defect, restricted, return_distance, symplecticity_defect, volume
-
-if TYPE_CHECKING:
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
-    from phasebench.integrators.values.kinds import Number
-
-    from .metrics import Order
 
 DIGITS = 40
 SPAN = Fraction(1, 256)

@@ -16,21 +16,17 @@ from dataclasses import replace
 from functools import lru_cache
 from math import pi
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 from phasebench.reference.certificates import followed, stored
 from phasebench.reference.certificates.followed import FollowedOrbit
 
 from .quantities import Quantity, Truth, distance, values
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Safety factor: one of two runs with independent errors is off by more than three times their distance in few cases.
 SAFETY = 3.0

@@ -7,9 +7,6 @@ r"""n-Butane as four united atoms with fixed bonds and angles: a chain that turn
 with the bonds :math:`b_k = r_{k+1} - r_k`, |b_k| = 1, and the angle between neighbours, :math:`b_k\cdot b_{k+1} = 1/3`
 (109.47 degrees), which the distances of second neighbours fix.  phi = 0 is trans.  Units: the bond's 0.153 nm, the mass
 of CH2 (14 atomic units; CH3 has 15/14), and 1000 K k_B, hence the time 0.199 ps.
-
-Source: J.-P. Ryckaert, A. Bellemans, Chem. Phys. Lett. 30 (1975) 123-125 (the torsion a_k); J.-P. Ryckaert,
-G. Ciccotti, H. J. C. Berendsen, J. Comput. Phys. 23 (1977) 327-341 (the molecule).
 """
 
 from math import cos, pi, sin, sqrt

@@ -18,20 +18,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
 import sympy as sp
 
 from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
+from phasebench.integrators.values.kinds import Number
 
 from .base import Orbit, Pace, Problem, check_positive, decades, whole
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from phasebench.integrators.values.kinds import Number
 
 PARAMETERS = {"omega": 50.0, "m": 3}
 #: The most stiff springs.

@@ -16,9 +16,6 @@ The system here is :math:`H = g\,(K + \tfrac12) = 0` with :math:`g = \Sigma / r^
 Carter's constant :math:`p_\theta^2 + \cos^2\theta\,\bigl(a^2(1 - E^2) + L^2/\sin^2\theta\bigr)` is conserved on H = 0.
 
 Start: in the equatorial plane with p_r = 0; p_theta is what H = 0 gives.
-
-Source: X. Wu, Y. Wang, W. Sun, F. Liu, Astrophys. J. 914 (2021) 63, arXiv:2106.12356; B. Carter, Phys. Rev. 174 (1968)
-1559-1571.
 """
 
 from __future__ import annotations

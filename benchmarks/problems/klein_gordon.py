@@ -27,7 +27,6 @@ from cmath import exp
 from collections.abc import Callable
 from fractions import Fraction
 from math import cosh, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -37,11 +36,9 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, part, unit_mass_field
 from phasebench.integrators.systems.multisymplectic import Equation
+from phasebench.integrators.values.kinds import Number
 
 from .base import Orbit, Pace, Problem, whole
-
-if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number
 
 PARAMETERS = {"N": 64, "L": 40.0}
 #: The most points; the least and greatest length at which the initial data are finite.

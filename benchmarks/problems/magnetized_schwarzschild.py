@@ -11,8 +11,6 @@ the time is the particle's proper time.
 Without the field it is integrable; with it orbits may be chaotic.  The horizon r = 2 is a singularity.
 
 Start: in the equatorial plane with p_r = 0; p_theta is what H = -1/2 gives.
-
-Source: Y. Wang, W. Sun, F. Liu, X. Wu, Astrophys. J. 907 (2021) 66, arXiv:2102.00373.
 """
 
 from __future__ import annotations

@@ -18,7 +18,6 @@ from collections.abc import Callable
 from fractions import Fraction
 from math import cos, pi, sin, sqrt
 from random import Random
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -26,12 +25,10 @@ import sympy as sp
 from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
+from phasebench.integrators.values.kinds import Number
 
 from .base import Orbit, Pace, Problem, whole
 from .gravity import bodies
-
-if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number
 
 PARAMETERS = {"N": 3}
 #: The most bodies; the seed of the random start; radii beyond this are drawn again, as in the recipe.

@@ -23,7 +23,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 from math import cos, cosh, pi, sin, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -33,11 +32,9 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, part
 from phasebench.integrators.systems.multisymplectic import Equation
+from phasebench.integrators.values.kinds import Number
 
 from .base import Orbit, Pace, Problem, whole
-
-if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number
 
 PARAMETERS = {"N": 64, "L": 4 * sqrt(2) * pi}
 #: The most points; the least and greatest length at which the initial data are finite.

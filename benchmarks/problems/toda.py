@@ -12,7 +12,6 @@ of parameter m with :math:`\kappa = 2K(m)/N`; w is such that the product of the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import mpmath
 import numpy as np
@@ -20,11 +19,9 @@ import sympy as sp
 
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import unit_mass_field
+from phasebench.integrators.values.kinds import Number
 
 from .base import Orbit, Pace, Problem, decades, whole
-
-if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number
 
 PARAMETERS = {"N": 3}
 #: The most particles: from 7 on the invariants take SymPy seconds.
