@@ -89,23 +89,13 @@ def power(h: ArrayLike, error: ArrayLike) -> Slope:
 
 
 def order(h: ArrayLike, error: ArrayLike, noise: float = 0.0, ceiling: float = np.inf) -> Order:
-    """Return the observed order of convergence of ``error`` as the step h falls, in the asymptotic window.
+    """Return the observed order of convergence of ``error`` as the step h falls, arrays (n,), in the asymptotic window.
 
     A line is fitted to each run of at least 3 neighbouring points; the window is the run with the narrowest interval of
     the slope.  Coarse steps (not yet asymptotic) and fine ones (round-off) bend the line and widen the interval, as do
     fewer points.  Runs whose interval is narrower than +-0.01 count as equal; of these the longest, then the finest, is
-    taken.
-
-    Parameters
-    ----------
-    h, error : arrays (n,), in any order; errors that are not finite or not positive are left out
-    noise : errors up to this (round-off, the uncertainty of the reference) are left out
-    ceiling : errors from this on (saturated: as large as the solution) are left out
-
-    Raises
-    ------
-    ValueError
-        If h and error are not arrays of one length.
+    taken.  Errors that are not finite or not positive, up to ``noise`` (round-off, the uncertainty of the reference) or
+    from ``ceiling`` on (as large as the solution) are left out.  Raises ValueError for arrays of different lengths.
     """
     h, error = np.asarray(h, float), np.asarray(error, float)
     if h.shape != error.shape or h.ndim != 1:

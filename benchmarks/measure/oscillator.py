@@ -84,11 +84,9 @@ class Found:
 
     Attributes
     ----------
-    intervals : pairs (from, to) of z in order; ``to`` is None if the interval reaches the end of the scan
+    intervals : pairs (from, to) of z in order; ``to`` is None if the interval reaches the end of the scan, ``scanned``
     touches : values of z inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
-    scanned : end of the scan
-    how : how stability was decided, in words: `TRACE` (trace of the step's matrix), `RUNS` (long runs) or `ROOTS`
-        (roots of a multistep method's polynomials)
+    how : how stability was decided, in words: `TRACE` of the step's matrix, long `RUNS`, or `ROOTS` of polynomials
     reason : why the scan ended early, how the first unstable run failed, or how runs beside a known limit ended; or ""
     """
 

@@ -58,13 +58,10 @@ class OwnStep:
 
     Attributes
     ----------
-    id : the function's name, or the path of its file
-    step : (system, q, p, h) -> (q, p), see `System`
-    claims : name -> value of claimed properties such as "order" and "symplectic" (`judge.checks.CHECKS`)
-    requires : traits that the system must have, such as "separable"
+    id, step : the function's name, or the path of its file; (system, q, p, h) -> (q, p), see `System`
+    claims, requires : name -> value of claimed properties (`judge.checks.CHECKS`); traits that the system must have
     where : the file of its code, as in a traceback
-    again : path -> the step, a function that reads its file once more when the step is unpickled; None if the step is
-        not from a file
+    again : path -> the step, which reads its file once more when the step is unpickled; None if it is from no file
     changed : the same step with the last digits of its coefficients changed, where it is made from a table
     exchanged : (how a table says so, its step if it begins with the other substep), of a splitting that can
     """
@@ -267,24 +264,12 @@ def integrate_step(
     save_every: int = 1,
     timeout: float | None = None,
 ) -> Solution:
-    """Integrate ``problem`` with a user's own step, at constant h.
+    """Integrate ``problem`` with a user's own step at constant h; arguments as in `integrators.driver.integrate`.
 
-    Parameters
-    ----------
-    problem, h, t_end, steps, t0, q0, p0, save_every : as in `integrators.driver.integrate`
-    timeout : seconds after which no further step is taken; a step that does not return cannot be stopped
-
-    Returns
-    -------
-    integrators.driver.Solution
-        ``seconds`` is the time of the Python loop; the gradient in ``counts`` is the larger of the numbers of
-        evaluations of dH_dq and dH_dp.
-
-    Raises
-    ------
-    InvalidInput
-        For unusable input, and for a step that raises (with file and line), that returns anything but two arrays (d,)
-        of real numbers, or that changes its q or p.
+    No step is taken ``timeout`` seconds after the start; one that does not return cannot be stopped.  ``seconds`` of
+    the solution is the time of the Python loop, its gradient in ``counts`` the larger number of evaluations of dH_dq
+    and dH_dp. Raises InvalidInput for unusable input, and for a step that raises (with file and line), that returns
+    anything but two arrays (d,) of real numbers, or that changes its q or p.
     """
     check_timeout(timeout)
     asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0)

@@ -42,12 +42,10 @@ class Quantity:
     Attributes
     ----------
     name, about, unit : kebab-case name; description in a line; unit of its error
-    values : function (problem, t (n,), q (n, d), p (n, d)) -> the values to compare, array (m,); for a conserved
-        quantity its error
-    rows : number of rows (stored states) that it needs besides the first; 1: the end only
-    aligned : True if the rows must divide the span into equal parts, like those of the reference
+    values : function (problem, t (n,), q (n, d), p (n, d)) -> the values to compare, array (m,)
+    rows, aligned : number of rows that it needs besides the first (1: the end only), and if they are equidistant
     angle : True if values are compared modulo 2 pi
-    kept : True for a conserved quantity, compared with its own first value
+    kept : True for a conserved quantity, compared with its own first value; its values are its error
     statistical : True if it differs between nearby orbits, such as an average or an exponent of a chaotic orbit
     """
 
@@ -82,8 +80,7 @@ class Truth(NamedTuple):
 
     Attributes
     ----------
-    values : array (m,)
-    uncertainty : of the values, in the unit of the quantity's errors
+    values, uncertainty : array (m,), and its uncertainty in the unit of the quantity's errors
     source : origin of the values, in words: such as "certified" (a stored state) or "long double" (runs made for it)
     rounding : change of the values if the orbit is rounded to long double, in the same unit; 0 if not computed
     """

@@ -39,11 +39,9 @@ class Pace(NamedTuple):
 
     Attributes
     ----------
-    unit : the unit of time: a method's order is measured over a part of it
-    step : a usual step, about a thirtieth of a revolution
+    unit, step : the unit of time, over a part of which an order is measured; a usual step, 1/30 of a revolution
     span : a time after which runs with different step sizes have clearly different errors, about half a revolution
-    later : a time at which the orbit, which may start on an axis or at a turning point, is in general position;
-        measurements of steps begin there, so that no symmetry of the start makes their errors small
+    later : a time at which the orbit is in general position: no symmetry of the start makes errors of steps small
     """
 
     unit: float = 1.0
@@ -144,18 +142,13 @@ class Problem:
 class Scene:
     """A problem on an orbit over a time span, with the step sizes at which methods are compared on it.
 
-    An *order* scene is short and halves its step, to measure orders of convergence; a *drift* scene is long, to measure
-    the errors of the invariants.
-
     Attributes
     ----------
-    id, problem : the scene's name and ``id:orbit`` of its problem
-    purpose : "order" or "drift"
-    t_end : the end of the time span
+    id, problem, t_end : kebab-case id; ``id:orbit``; end of the span
+    purpose : "order", short with steps that are halved, or "drift", long, for the errors of the invariants
     steps : the step sizes h, falling; in an order scene each is half of the one before
     relative, absolute : the band |measured - stored| <= absolute + relative * |stored| of the stored error tables:
-        another processor rounds elementary functions and fused operations differently in the last bit, and many steps
-        amplify that
+        another processor rounds differently in the last bit, and many steps amplify that
     trajectory : the same as ``absolute`` for errors of the trajectory, in which round-off grows
     regular : whether nearby trajectories stay together; if not, trajectory errors count only to the reference's
         horizon, the last time at which a run in long double follows the orbit
