@@ -33,29 +33,6 @@ def test_step_may_return_any_pair_of_arrays(made):
     assert len(found.t) == 6
 
 
-@pytest.mark.parametrize(
-    ("returns", "said"),
-    [
-        (lambda q, p: 7, r"step returned 7; it must return q, p"),
-        (lambda q, p: (q, p, q), r"it must return q, p"),
-        (lambda q, p: "x" * 100, r"step returned str 'x{59} \.\.\.; it must return q, p"),
-        (lambda q, p: (q, p[:1]), r"step returned p of shape \(1,\); it must be \(2,\)"),
-        (lambda q, p: (q, 1j * p), r"step returned p = .*; it must be an array of real numbers"),
-    ],
-)
-def test_invalid_return_value_is_shown(returns, said):
-    with pytest.raises(InvalidInput, match=said):
-        ran(lambda system, q, p, h: returns(q, p))
-
-
-@pytest.mark.parametrize("name", ["stability", "tolerance"])
-@pytest.mark.parametrize("value", [0, float("nan"), True, "2"])
-def test_claimed_limit_must_be_a_positive_number(name, value):
-    assert own_step.checked_claims({name: 0.5}, "here") == {name: 0.5}
-    with pytest.raises(InvalidInput, match=f"here has {name} = .*a positive number"):
-        own_step.checked_claims({name: value}, "here")
-
-
 # -- a step as a map of states ----------------------------------------------------------------------------------------
 
 

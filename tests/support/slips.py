@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
 import mpmath
 import numpy as np
@@ -33,12 +31,8 @@ SLIP, SHORT_STEP = Fraction(1, 10**6), SPAN / 16
 MOST = 12
 
 
-def frozen() -> dict[str, dict[str, dict[str, float]]]:
-    """Repeat a step of Schemes IV and V by I and III, the symplectic methods with the same lambda, held fixed.
-
-    Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with lambda fixed, its
-    distance from the energy-preserving one, and lambda.
-    """
+def frozen():
+    """A step of Schemes IV and V beside I and III with its lambda: {id: {system: {defect, distance, lam}}}."""
     out = {}
     for free, fixed in (("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")):
         out[free] = {}
@@ -55,12 +49,8 @@ def frozen() -> dict[str, dict[str, dict[str, float]]]:
     return out
 
 
-def adjoint() -> dict[str, dict[str, dict[str, float]]]:
-    """Measure whether the adjoint of a method with a parameter lam is the same method with 1 - lam.
-
-    Returns {method's label: {system: {adjoint, itself}}}, the distances from the start after a step at lam and one back
-    at 1 - lam, or at lam.  Symmetric methods, which are their own adjoints, are left out.
-    """
+def adjoint():
+    """Distances from the start after a step at lam and one back at 1 - lam, or at lam: {label: {system: {...}}}."""
     out = {}
     for record in variants():
         if "lam" in record.parameters and not record.symmetric:
@@ -72,10 +62,8 @@ def adjoint() -> dict[str, dict[str, dict[str, float]]]:
     return out
 
 
-def leaves(
-    data: tuple[Any, ...], path: tuple[int, ...] = ()
-) -> Iterator[tuple[tuple[int, ...], float | Fraction | mpmath.mpf]]:
-    """Yield (path of indices, number) for every coefficient in nested tuples that is not an integer."""
+def leaves(data, path=()):
+    """(Path of indices, number) of every coefficient in nested tuples that is not an integer."""
     for i, x in enumerate(data):
         if isinstance(x, tuple):
             yield from leaves(x, (*path, i))
@@ -83,14 +71,12 @@ def leaves(
             yield (*path, i), x
 
 
-def replace_at(data: tuple[Any, ...], path: Sequence[int], value: Any) -> tuple[Any, ...]:
-    """Return a copy of nested tuples ``data`` with another value at ``path``."""
+def replace_at(data, path, value):
     i, *rest = path
     return (*data[:i], replace_at(data[i], rest, value) if rest else value, *data[i + 1 :])
 
 
-def perturbation_effects() -> dict[str, dict]:
-    """Measure how much a relative perturbation of each coefficient changes a step: {id: `perturbation_row`}."""
+def perturbation_effects():
     out = {}
     for record in METHODS:
         name = next((n for n in systems(record, few=True)[::-1] if keeps_a_form(n)), None)
@@ -100,16 +86,12 @@ def perturbation_effects() -> dict[str, dict]:
     return out
 
 
-def perturbation_row(record: Method, name: str) -> dict:
-    """Measure how much a relative perturbation of each coefficient by `SLIP` changes a step on a test system.
-
-    Returns {system, error, rows}: the unperturbed step's error, and for each coefficient its path and the step's error;
-    if that is less than ten times the unperturbed one, also the defects of symplecticity and symmetry.
-    """
+def perturbation_row(record: Method, name: str):
+    """The step's error with each coefficient changed by `SLIP` and, if that hides it, the defects."""
     system, y = start(name)
     end = flow(system, y, SHORT_STEP, pieces=1)[0]
 
-    def error(m: Method) -> float:
+    def error(m: Method):
         return float(max(abs(advance(system, m, y, SHORT_STEP) - end)))
 
     right, rows = error(record), []
@@ -122,8 +104,8 @@ def perturbation_row(record: Method, name: str) -> dict:
     return {"system": name, "error": right, "rows": rows}
 
 
-def control_errors() -> dict[str, dict[str, dict]]:
-    """Errors of a method of each family with a first coefficient 1/8 too large, a control: {id: {system: errors}}."""
+def control_errors():
+    """Errors of a method of each family whose first coefficient is 1/8 too large."""
     out: dict = {}
     families = {m.family: m for m in reversed(METHODS) if m.order <= LOW_ORDER and list(leaves(m.data))}
     for record in families.values():
