@@ -131,11 +131,10 @@ def _run(
     """Run the kernel until all rows of the trajectory are filled or the run stops; returns the `Solution`."""
     t = trajectory
     run = prepared.lay_out(kernel, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
-    counts, pace = run.counts, Pace(timeout, FIRST if kernel.missed else PIECE)
+    counts, pace = run.counts, Pace(timeout, FIRST if kernel.missed else PIECE, progress)
     while t:
         t.advance(run, pace)
-        if progress is not None:
-            progress(t.reached)
+        pace.tell(t.reached)
     counted = dict(zip(counts.dtype.names, counts.item(), strict=True))
     t.conclude(timeout, counted["fallbacks"])
     tally = kernel.tally(t.reached, *(counted[name] for name in ("gradient", "fallbacks", "newton")))

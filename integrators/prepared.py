@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from phasebench.integrators.coefficients.tableaus import LEVELS
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping import codes, energy_model
+from phasebench.integrators.stepping import codes, energy_model, root
 from phasebench.integrators.stepping.kernel import (
     COUNTED,
     COUNTS,
@@ -24,6 +24,7 @@ from phasebench.integrators.stepping.kernel import (
     entry,
     kernel,
     value,
+    work_of,
     zeros,
 )
 from phasebench.integrators.stepping.kernel import prepare as prepare_kernel
@@ -104,11 +105,11 @@ def lay_out(
 
     q and p have d components.
     """
-    order = 1 + (prepared.linear or prepared.width) if prepared.implicit or prepared.linear else 2
+    kept = root.SLOTS * root.ROWS if prepared.searches else 0
     carry = Carry(
-        state=zeros((4 + prepared.stages, max(energy_model.NUMBERS, d)), arithmetic),
+        state=zeros((4 + prepared.stages + kept, max(energy_model.NUMBERS, d)), arithmetic),
         memory=zeros(((3 * LEVELS + 1) * prepared.stages, prepared.width), arithmetic),
-        work=zeros(prepared.work or (order, order), arithmetic),
+        work=work_of(prepared, arithmetic),
         zero=value(zeros(d, arithmetic), d, arithmetic, prepared.arrays),
     )
     step = step_of(prepared, d, h, q, p, arithmetic)

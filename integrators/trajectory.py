@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,9 +49,11 @@ class Pace:
     Attributes
     ----------
     steps : the number of steps in the next call
+    tell : called between calls with the number of steps so far
     """
 
-    def __init__(self, timeout: float | None, first: int = PIECE) -> None:
+    def __init__(self, timeout: float | None, first: int = PIECE, tell: Callable[[int], None] | None = None) -> None:
+        self.tell = tell or (lambda steps: None)
         self.timeout = np.inf if timeout is None else timeout
         self.deadline = time.monotonic() + self.timeout
         self.steps = first if timeout is None else 64
@@ -182,6 +184,7 @@ class Trajectory:
                 break
             self.reached += piece
             if self.reached < end:
+                pace.tell(self.reached)
                 self.looks.append((self.reached, self.q[row].copy(), self.p[row].copy()))
                 self._check_fallbacks(run)
             if pace.late or self.status != OK:

@@ -32,6 +32,7 @@ from numba.extending import intrinsic
 
 from . import cache
 from .digest import digest as digest_of
+from .options import UNCALLED
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Dispatcher, Signature
@@ -175,23 +176,31 @@ def _address():
 
 def _entry_of(f: Callable, signature: Signature, options: dict, name: str) -> Callable:
     """Return an intrinsic that yields the address of a C function with the code of ``f`` inlined into it."""
-    bare = options | {"no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 
     @intrinsic
     def entry_address(typing_context):
         def codegen(context, builder, _, arguments):
-            made = _compile(f, signature, bare, hashlib.sha256(name.encode()).hexdigest(), None)
-            (whole,) = made.overloads.values()
-            context.active_code_library.add_linking_library(whole.library)
-            result, given, convention = whole.fndesc.restype, whole.fndesc.argtypes, context.call_conv
-            kind = ir.FunctionType(context.get_value_type(result), [context.get_value_type(t) for t in given])
-            entry = ir.Function(builder.module, kind, f"{whole.fndesc.mangled_name}.entry")
-            inside = ir.IRBuilder(entry.append_basic_block())
-            callee = context.declare_function(builder.module, whole.fndesc)
-            _, value = convention.call_function(inside, callee, result, given, entry.args, attrs=("alwaysinline",))
-            inside.ret(value)
+            made = _compile(f, signature, options | UNCALLED, hashlib.sha256(name.encode()).hexdigest(), None)
+            entry = entry_of(made, context, builder)
             return builder.ptrtoint(entry, context.get_value_type(types.intp))
 
         return types.intp(), codegen
 
     return entry_address
+
+
+def entry_of(compiled: Dispatcher, context: Any, builder: Any) -> ir.Function:
+    """Define a C function with the code of a compiled function, which raises no exception, inlined into it.
+
+    It becomes part of the module that ``builder`` writes.
+    """
+    (whole,) = compiled.overloads.values()
+    context.active_code_library.add_linking_library(whole.library)
+    result, given, convention = whole.fndesc.restype, whole.fndesc.argtypes, context.call_conv
+    kind = ir.FunctionType(context.get_value_type(result), [context.get_value_type(t) for t in given])
+    entry = ir.Function(builder.module, kind, f"{whole.fndesc.mangled_name}.entry")
+    inside = ir.IRBuilder(entry.append_basic_block())
+    callee = context.declare_function(builder.module, whole.fndesc)
+    _, value = convention.call_function(inside, callee, result, given, entry.args, attrs=("alwaysinline",))
+    inside.ret(value)
+    return entry

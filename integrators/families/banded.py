@@ -93,7 +93,7 @@ def begin(method: Banded, carry: Carry, counts: np.record) -> State:
     """
     if counts.steps == 0:
         for s in range(len(method.c)):
-            forget(carry.work, s * len(unknown(method.field, carry.zero)), columns(method.band))
+            forget(carry.work.rows, s * len(unknown(method.field, carry.zero)), columns(method.band))
     return read_state(carry)
 
 
@@ -106,7 +106,7 @@ def step(method: Banded, y: State, carry: Carry, counts: np.record) -> tuple[Sta
     status = SOLVED
     counts.newton += len(method.c)
     for s in range(len(method.c)):
-        room = Room(carry.memory, 0, carry.work, s * len(start))
+        room = Room(carry.memory, 0, carry.work.rows, s * len(start))
         y, n, status = substep(method.field, method, y, method.c[s], method.mu[s], method.lam[s], start, room)
         counts.gradient += n
         if status != SOLVED:

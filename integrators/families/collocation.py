@@ -53,21 +53,19 @@ from phasebench.integrators.stepping.solve import (
     changes_by_row,
     confirmer,
     copy,
-    difference,
+    lengths_by_row,
     lengths_of_both,
     row_solver,
 )
 from phasebench.integrators.values.vector import (
     State,
     axpy,
-    bump,
     dispatch_on_none,
     distance,
     head,
     inline,
     join,
     load,
-    minus,
     plus,
     scale,
     size,
@@ -177,14 +175,6 @@ def _both(field, e, i, x):
     return join(dq, dp)
 
 
-def _lengths_kick(field, e, x, f):
-    return lengths_of_kick(x, scale(e.step.h, f), e)
-
-
-def _lengths_both(field, e, x, f):
-    return lengths_of_both(x, scale(e.step.h, f), e)
-
-
 def _moves_kicks(field, e, at):
     x, y = e.zero, e.zero
     for m in range(e.stages):
@@ -205,8 +195,10 @@ def _moves_both(field, e, at):
 inner = dispatch_on_none(_sum_kicks, _sum_both)
 #: f(Z_i) with that sum as ``x``.
 force = dispatch_on_none(_kick, _both)
-#: Sizes of the variables that the two halves of that sum belong to.
-lengths = dispatch_on_none(_lengths_kick, _lengths_both)
+#: Sizes of the variables that the two halves of an increment x = G(x) belong to.
+lengths_of_increment = dispatch_on_none(
+    lambda field, x, g, e: lengths_of_kick(x, g, e), lambda field, x, g, e: lengths_of_both(x, g, e)
+)
 #: The increments of q and p over the step.
 moves = dispatch_on_none(_moves_kicks, _moves_both)
 #: h M^-1 p in the Nystrom form.
@@ -256,39 +248,8 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     return delta, length
 
 
-@inline
-def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
-    """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
-
-    G' is made by finite differences of f at the nodes; ``span`` is the size of (q, p), for differences in variables
-    that are zero.  Returns the cost of that as a number of sweeps (evaluations of G), as
-    `solve.row_solver` requires; G(x) is left in the rows after x.
-    """
-    tableau, memory = e.step, e.memory
-    n, first = len(e.like), e.counts.rule
-    spare = at + 2 * e.stages
-    for a in range(e.stages * n):
-        for b in range(e.stages * n):
-            work[a, b] = 1.0 if a == b else 0.0
-    for i in range(first, first + tableau.nodes[first]):
-        x = inner(tableau.field, e, i, at)
-        f = force(tableau.field, e, i, x)
-        in_q, in_p = lengths(tableau.field, e, x, f)
-        for c in range(n):
-            A = tableau.A_q if 2 * c < n else tableau.A_p
-            step = difference(in_q if 2 * c < n else in_p, span, tableau.eps)
-            slope = minus(force(tableau.field, e, i, bump(x, c, step)), f)
-            store(memory, spare, scale(tableau.h / step, slope))
-            for j in range(e.stages):
-                for m in range(e.stages):
-                    weight = tableau.B[i, j] * A[i, m]
-                    for r in range(n):
-                        work[j * n + r, m * n + c] -= weight * memory[spare, r]
-    sweep(e, at, at + e.stages)
-    return n + 2
-
-
-solve = row_solver(sweep, linearize)
+lengths = lengths_by_row(inline(lambda x, g, e: lengths_of_increment(e.step.field, x, g, e)))
+solve = row_solver(sweep, lengths)
 solve_confirmed = confirmer(solve, sweep, changes_by_row(inline(lambda e, x, y: add_increments(e.step.field, x, y))))
 
 

@@ -39,7 +39,7 @@ from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, array, 
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.root import finder
 from phasebench.integrators.stepping.solve import LEVELS
-from phasebench.integrators.values.vector import State, dispatch_on_none, forbid_inlining, inline, jit, size, update
+from phasebench.integrators.values.vector import State, dispatch_on_none, inline, size, update
 
 from . import collocation, gauss_lanes, stage_lanes
 from .gauss_lanes import serves
@@ -208,7 +208,7 @@ write = dispatch_on_none(_write_kicks, _write_both)
 # -- steps ------------------------------------------------------------------------------------------------------------
 
 
-@jit
+@inline
 def attempt(alpha: Number, start: int, ease: Number, e: Step) -> Attempt:
     """Try the step with the parameter alpha; returns an `Attempt` with the state after it and its energy error.
 
@@ -216,7 +216,6 @@ def attempt(alpha: Number, start: int, ease: Number, e: Step) -> Attempt:
     the last attempt, whose alpha was near.  ``ease`` is the error that the stages may have, in units of round-off, and
     e has the data of the method and the state before the step.
     """
-    forbid_inlining()
     step, y, counts = e.step, e.y, e.counts
     write(step.field, step, alpha)
     new, sweeps, newton, status = move(step.f, start, ease * step.eps, e)
@@ -228,7 +227,7 @@ def attempt(alpha: Number, start: int, ease: Number, e: Step) -> Attempt:
     return Attempt(new, H - step.H0, step.eps * magnitude, status)
 
 
-find = finder(attempt, followed=False)
+find = finder(attempt, inline(lambda e: e.carry.state), followed=False)
 
 
 def step(method: Equip, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
@@ -238,7 +237,7 @@ def step(method: Equip, y: State, carry: Carry, counts: np.record) -> tuple[Stat
     becomes alpha, NaN if there is none.
     """
     e = Step(method, y, carry, counts)
-    alpha, found, result = find(method.search, carry.state, OWN, np.nan, e)
+    alpha, found, result = find(method.search, carry.state, OWN, np.nan, e, carry.work)
     if result.status != SOLVED:
         return y, result.status
     enter(method.f, e)
@@ -281,7 +280,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
         S = array(skew(s, c), arithmetic)
 
     step = Equip(f, field, energy, inner.step, A, S, numbers(b, arithmetic), SEARCH)
-    return replace(inner, run=run, step=step, begin=partial(_set_energy, energy), missed=MISSED)
+    return replace(inner, run=run, step=step, begin=partial(_set_energy, energy), missed=MISSED, searches=True)
 
 
 def _set_energy(energy: Function, step: Equip, q: Value, p: Value) -> Equip:

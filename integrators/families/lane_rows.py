@@ -15,13 +15,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from phasebench.integrators.stepping.solve import difference
 from phasebench.integrators.values.lanes import combine, put, take, total
 from phasebench.integrators.values.vector import dispatch_on_none, inline, load, store, update
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from phasebench.integrators.values.kinds import Function, Number, Value
     from phasebench.integrators.values.vector import State
 
@@ -62,9 +59,19 @@ components = dispatch_on_none(lambda inverse_mass, d: 2 * d, lambda inverse_mass
 #: Write the state at the begin of the step, for its equations.
 begin = dispatch_on_none(_begin_both, _begin_kicks)
 #: Sizes of the variables that the first and the second half of the rows ``at``, ... belong to.
-lengths = dispatch_on_none(_lengths_of_both, _lengths_of_kicks)
-#: Derivative of place k by its increment, without the tableau's coefficient.
-reach = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: e.h * inverse_mass[0, k])
+_lengths = dispatch_on_none(_lengths_of_both, _lengths_of_kicks)
+
+
+@inline
+def lengths(e: Any, at: int) -> tuple[Number, Number]:
+    """Sizes of the variables that the first and the second half of the rows ``at``, ... belong to (`row_solver`)."""
+    return _lengths(e.step.inverse_mass, e, at)
+
+
+@inline
+def half(e: Any) -> int:
+    """The number of unknowns in half of the rows, of which the first are increments of q and the second of p."""
+    return max(1, e.stages * len(e.like) // 2)
 
 
 @inline
@@ -81,55 +88,6 @@ def length(e: Any, at: int, row: int, first: int, last: int) -> Number:
         x, g = take(e.memory, at + k, e.like), take(e.memory, at + e.stages + k, e.like)
         unknowns = unknowns + total(abs(x) + abs(g))
     return numbers + unknowns
-
-
-# -- Newton's method --------------------------------------------------------------------------------------------------
-
-
-def linearizer(sweep: Function, places: Function, weights: Function, rows: Function, spread: Function) -> Function:
-    """Make the function ``linearize`` of `solve.row_solver`: it writes the Jacobian 1 - G' of the equations x = G(x).
-
-    The Jacobian is made by differences of the field, in all SIMD lanes at once.  In the arguments of the following
-    functions e are the equations, ``row`` is a row of nodes, one node for each lane, and ``at`` the first row of the
-    unknowns.
-
-    - ``sweep`` is the right-hand side G, as for `solve.row_solver`.
-    - ``places(e, at, row)`` writes the points at which the field is evaluated, for one row of nodes, to the first rows
-      of memory.
-    - ``weights(e)`` is the number, or the numbers in lanes, by which the equations multiply the field.
-    - ``rows(e)`` is (first row of nodes, last + 1).
-    - ``spread(e, row, r, k, i, x, work)`` enters x, the derivative of the field's component r by component k in lane i,
-      times the weight, into the matrix ``work``.
-    """
-
-    @inline
-    def linearize(e: Any, at: int, span: Number, work: np.ndarray) -> int:
-        step, memory, unknowns, n = e.step, e.memory, e.stages, len(e.like)
-        sweep(e, at, at + unknowns)
-        spare, (first, end) = at + 2 * unknowns, rows(e)
-        in_q, in_p = lengths(step.inverse_mass, e, at)
-        for a in range(unknowns * n):
-            for b in range(unknowns * n):
-                work[a, b] = 1.0 if a == b else 0.0
-        for row in range(end - 1, first - 1, -1):
-            if row < end - 1:  # of the last the sweep has left f
-                places(e, at, row)
-                step.f(memory)
-            for r in range(unknowns):
-                put(memory, spare + r, take(memory, unknowns + r, e.like), e.like)
-            for k in range(unknowns):
-                by = difference(in_q if 2 * k < unknowns else in_p, span, step.eps)
-                places(e, at, row)
-                put(memory, k, take(memory, k, e.like) + by * reach(step.inverse_mass, e, k), e.like)
-                step.f(memory)
-                for r in range(unknowns):
-                    slope = (take(memory, unknowns + r, e.like) - take(memory, spare + r, e.like)) * (1.0 / by)
-                    put(memory, unknowns + r, weights(e) * slope, e.like)
-                    for i in range(n):
-                        spread(e, row, r, k, i, memory[unknowns + r, i], work)
-        return unknowns + (1 if end - first == 1 else 2)
-
-    return linearize
 
 
 # -- from step to step ------------------------------------------------------------------------------------------------

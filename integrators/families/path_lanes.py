@@ -44,7 +44,7 @@ from phasebench.integrators.values.vector import State, dispatch_on_none, inline
 
 from . import gauss_lanes
 from .gauss_lanes import functions, pad, pad_square, start_weights
-from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, linearizer
+from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, half, lengths
 
 if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
@@ -141,18 +141,6 @@ def _end_kicks(inverse_mass, e, at):
         e.memory[e.base + DQ, k], e.memory[e.base + DP, k] = e.memory[path + k, 0], e.memory[at + k, 0]
 
 
-def _slope_of_both(inverse_mass, e, row, i, m):
-    return e.step.A[row * len(e.step.terms) + m, i]
-
-
-def _slope_of_kicks(inverse_mass, e, row, i, m):
-    step, s = e.step, len(e.step.terms)
-    x = 0.0
-    for j in range(s):
-        x = x + step.A[row * s + j, i] * step.drift[1 + m, j]
-    return x
-
-
 def _change_of_both(inverse_mass, e, old, new):
     d = e.stages // 2
     (q, size_q), (p, size_p) = moves(e, old, new, 0, d), moves(e, old, new, d, e.stages)
@@ -168,8 +156,6 @@ def _change_of_kicks(inverse_mass, e, old, new):
 path_of = dispatch_on_none(lambda inverse_mass, e, at: at, _path_of_kicks)
 #: Write the increments of q and p over the step.
 sums = dispatch_on_none(_end_both, _end_kicks)
-#: Derivative of a place in lane i of a row of nodes by its increment m, without `lane_rows.reach`.
-slope = dispatch_on_none(_slope_of_both, _slope_of_kicks)
 #: The `Change` from the rows ``old``, ... to the rows ``new``, ...
 change = dispatch_on_none(_change_of_both, _change_of_kicks)
 
@@ -231,34 +217,13 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
 
 
 @inline
-def scatter(e: Equations, row: int, r: int, k: int, i: int, x: Number, work: np.ndarray) -> None:
-    """Enter a derivative of f at one node into the Jacobian ``work`` of the equations for the increments.
-
-    x is h times the derivative of f's component r by component k, at the node in lane i of the row of nodes ``row``.
-    The chain rule multiplies x by the weights of A and B for each pair of increments.
-    """
-    n, s = len(e.like), len(e.step.terms)
-    for m in range(s):
-        by = x * slope(e.step.inverse_mass, e, row, i, m)
-        for j in range(s):
-            work[r * n + j, k * n + m] -= e.step.B[row * n + i, j] * by
-
-
-@inline
 def rule(e: Equations) -> tuple[int, int]:
     """The rows of nodes of the quadrature rule in use: returns (the first, the one after the last)."""
     return e.counts.rule, e.counts.rule + e.step.rows[e.counts.rule]
 
 
-linearize = linearizer(
-    sweep,
-    places=inline(lambda e, at, row: places(e, path_of(e.step.inverse_mass, e, at), row)),
-    weights=inline(lambda e: e.h),
-    rows=rule,
-    spread=scatter,
-)
 solve = confirmer(
-    row_solver(sweep, linearize), sweep, inline(lambda e, old, new: change(e.step.inverse_mass, e, old, new))
+    row_solver(sweep, lengths, half), sweep, inline(lambda e, old, new: change(e.step.inverse_mass, e, old, new))
 )
 
 

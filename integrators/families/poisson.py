@@ -52,7 +52,7 @@ from phasebench.integrators.stepping.solve import (
     changes_by_row,
     confirmer,
     copy,
-    difference,
+    lengths_by_row,
     lengths_of_both,
     predict,
     row_solver,
@@ -170,32 +170,9 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     return delta, length
 
 
-@inline
-def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
-    """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
-
-    G' is made by differences of sweeps, evaluations of G; ``span`` is the size of (q, p), for differences in variables
-    that are zero.  Returns the number of these sweeps, as `solve.row_solver` requires.
-    """
-    memory, n = e.memory, len(e.like)
-    base, moved = at + e.stages, at + 2 * e.stages
-    sweep(e, at, base)
-    for c in range(e.stages * n):
-        row, i = at + c // n, c % n
-        x, g = load(memory, row, e.like), load(memory, row + e.stages, e.like)
-        in_q, in_p = lengths_of_both(x, g, e)
-        step = difference(in_q if 2 * i < n else in_p, span, e.step.eps)
-        value = memory[row, i]
-        memory[row, i] = value + step
-        sweep(e, at, moved)
-        memory[row, i] = value
-        for r in range(e.stages * n):
-            change_of_g = memory[moved + r // n, r % n] - memory[base + r // n, r % n]
-            work[r, c] = (1.0 if r == c else 0.0) - change_of_g / step
-    return e.stages * n + 1
-
-
-solve = confirmer(row_solver(sweep, linearize), sweep, changes_by_row(inline(lambda e, x, y: change(x, y))))
+solve = confirmer(
+    row_solver(sweep, lengths_by_row(lengths_of_both)), sweep, changes_by_row(inline(lambda e, x, y: change(x, y)))
+)
 
 
 def step(method: Poisson, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:

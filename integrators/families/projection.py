@@ -37,7 +37,8 @@ from phasebench.integrators.records.projection import projection_method as proje
 from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, value
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import LEVELS, gauss, predict, remember, solver
+from phasebench.integrators.stepping.newton import gauss
+from phasebench.integrators.stepping.solve import LEVELS, predict, remember, solver
 from phasebench.integrators.values.vector import (
     State,
     add,
@@ -221,7 +222,7 @@ def _standard(mirror, step, y, carry, counts):
     reach = size(y1.q) + size(y1.p)
     last = np.inf
     for _ in range(LIMIT):
-        mu, regular = correct(mu, r, A, carry.work)
+        mu, regular = correct(mu, r, A, carry.work.rows)
         dq, dp = step.pull(y1.q, y1.p, mu)
         counts.gradient += 1
         if not (regular and size(dq) + size(dp) <= reach):
@@ -265,7 +266,7 @@ def _symmetric(mirror, step, y, carry, counts):
             if k == 0:
                 A = plus(A0, step.gram(end.q, end.p))
                 counts.gradient += 1
-            mu, good = correct(mu, r, A, carry.work)
+            mu, good = correct(mu, r, A, carry.work.rows)
             k += 1
         if not good or k == LIMIT:
             attempt, k, last = attempt + 1, 0, np.inf

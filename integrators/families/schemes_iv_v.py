@@ -139,7 +139,7 @@ def attempt(x: Number, start: int, ease: Number, e: Group) -> Attempt:
     return Attempt(y, H - step.H0, step.eps * magnitude, status)
 
 
-find = finder(attempt)
+find = finder(attempt, inline(lambda e: e.carry.state))
 
 
 @inline
@@ -162,7 +162,7 @@ def advance(
             end += 1
         predicted = predict_number(memory, roots + begin, stages, counts.steps)
         e = Group(step, y, carry, counts, begin, end, predicted)
-        x, found, result = find(step.search, carry.state, OWN + begin, predicted, e)
+        x, found, result = find(step.search, carry.state, OWN + begin, predicted, e, carry.work)
         memory[roots + begin + counts.steps % LEVELS * stages, 0] = x
         if result.status != SOLVED:
             return y, lam, end, result.status
@@ -213,4 +213,4 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
         freeze(alternative),
         SEARCH,
     )
-    return Prepared(run, step, width, len(c), begin=keep_energy(energy), missed=MISSED)
+    return Prepared(run, step, width, len(c), begin=keep_energy(energy), missed=MISSED, searches=True)

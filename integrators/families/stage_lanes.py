@@ -41,7 +41,7 @@ from phasebench.integrators.stepping.solve import row_solver
 from phasebench.integrators.values.lanes import combine, put, take, total
 from phasebench.integrators.values.vector import State, dispatch_on_none, inline, size
 
-from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, linearizer
+from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, half, lengths
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Number
@@ -179,27 +179,7 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     return total(moved), total(sized)
 
 
-@inline
-def scatter(e: Equations, row: int, r: int, k: int, i: int, x: Number, work: np.ndarray) -> None:
-    """Enter a derivative into the Jacobian ``work`` of the stage equations.
-
-    x is the derivative of component r of stage i's increment by component k of the stage itself.  For each stage j it
-    is multiplied by A_ij, the derivative of the stage by the increment of stage j, and subtracted from an entry of
-    ``work``; ``row`` is not used.
-    """
-    n = len(e.like)
-    for j in range(n):
-        work[r * n + i, k * n + j] -= x * e.step.A[j, i]
-
-
-linearize = linearizer(
-    sweep,
-    places=inline(lambda e, at, row: places(e.step.inverse_mass, e, at)),
-    weights=inline(lambda e: e.weights),
-    rows=inline(lambda e: (0, 1)),
-    spread=scatter,
-)
-solve = row_solver(sweep, linearize)
+solve = row_solver(sweep, lengths, half)
 end = ender(sums)
 
 

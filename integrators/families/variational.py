@@ -42,15 +42,13 @@ from phasebench.integrators.coefficients.quadrature import gauss_legendre, gauss
 from phasebench.integrators.stepping.codes import SOLVED
 from phasebench.integrators.stepping.kernel import Carry, Prepared, array, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.solve import LEVELS, copy, difference, predict, remember, row_solver
+from phasebench.integrators.stepping.solve import LEVELS, copy, predict, remember, row_solver
 from phasebench.integrators.values.vector import (
     State,
     axpy,
-    bump,
     distance,
     inline,
     load,
-    minus,
     plus,
     scale,
     size,
@@ -97,7 +95,7 @@ class Equations(NamedTuple):
     Attributes
     ----------
     step : the coefficients of the method
-    q, v : the coordinates and the velocity before the step
+    q, p, v : the coordinates, the momenta and the velocity before the step
     memory : array with the kicks of this step and of earlier ones
     like : a zero of the shape of q
     stages : the number of kicks
@@ -105,6 +103,7 @@ class Equations(NamedTuple):
 
     step: Variational
     q: Value
+    p: Value
     v: Value
     memory: np.ndarray
     like: Value
@@ -149,30 +148,25 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
 
 
 @inline
-def linearize(e: Equations, at: int, span: Number, work: np.ndarray) -> int:
-    """Write the Jacobian 1 - G' of the equations k = G(k) for the kicks in the rows ``at``, ... to ``work``.
+def evaluate(e: Equations, old: int, new: int) -> tuple[Number, Number]:
+    """The right-hand side for all kicks, those that need no iteration as well, as `sweep` returns it."""
+    copy(e.memory, old, new, e.stages, e.like)
+    return renew(e, new, 0, e.stages)
 
-    It is made by differences of grad V; ``span`` sets their length if q is zero.  Returns the cost of
-    that as a number of sweeps (evaluations of G), as `solve.row_solver` requires.
+
+@inline
+def lengths(e: Equations, at: int) -> tuple[Number, Number]:
+    """The size of the forces in a step, twice (`row_solver`): that of p over h, and of the unknowns in rows ``at``, ...
+
+    The rows after these are G there.
     """
-    r, d, h = e.stages, len(e.like), e.step.h
-    n = r * d
-    for i in range(r):
-        Q = axpy(1.0, displacement(e, i, at), e.q)
-        step = difference(size(e.q) + size(Q), span, e.step.eps)
-        present = scale(-e.step.b[i], e.step.dV(Q))
-        store(e.memory, at + r + i, present)
-        for k in range(d):
-            there = axpy(1.0, velocity(e.step.dT, bump(e.like, k, step)), Q)
-            store(work, n, minus(scale(-e.step.b[i], e.step.dV(there)), present))
-            for m in range(d):
-                for j in range(r):
-                    one = 1.0 if i == j and k == m else 0.0
-                    work[i * d + m, j * d + k] = one - h * h * e.step.rows[i, j] * (work[n, m] / step)
-    return d + 1
+    length = size(e.p) / abs(e.step.h)
+    for j in range(2 * e.stages):
+        length = length + size(load(e.memory, at + j, e.like))
+    return length, length
 
 
-solve = row_solver(sweep, linearize)
+solve = row_solver(sweep, lengths, evaluate=evaluate)
 
 
 @inline
@@ -205,7 +199,7 @@ def step(method: Variational, y: State, carry: Carry, counts: np.record) -> tupl
     """
     memory, zero = carry.memory, carry.zero
     r = len(method.b)
-    e = Equations(method, y.q, velocity(method.dT, y.p), memory, zero, r)
+    e = Equations(method, y.q, y.p, velocity(method.dT, y.p), memory, zero, r)
     status = solve_kicks(e, size(y.q) + size(y.p), carry, counts)
     if status != SOLVED:
         return y, status

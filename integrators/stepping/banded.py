@@ -22,8 +22,10 @@ import numpy as np
 
 from phasebench.integrators.values.vector import inline, jit, load, minus, plus, size, store
 
-from .codes import SOLVED, STALLED
-from .solve import NEWTON_LIMIT, difference, near, newton_method
+from .codes import NOT_FINITE, SOLVED, STALLED
+from .newton import LIMIT as NEWTON_LIMIT
+from .newton import difference, newton_converged
+from .solve import near
 from .structure import band_order, colour_columns, owners
 
 if TYPE_CHECKING:
@@ -249,23 +251,25 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
             x, last = new, delta
         return x, evaluations, STALLED
 
-    @inline
-    def improve(
-        arguments: Any, x: Value, span: Number, eps: Number, work: tuple[Band, Room]
-    ) -> tuple[Value, Number, Number, int, int]:
-        """Make one step of Newton's method from x, with a matrix computed at x; ``work`` is (band, room).
-
-        Returns (new x, length of the correction, size of the new x, evaluations of G, status).
-        """
-        band, room = work
-        g, evaluations = G(x, arguments), 1 + len(band.owner)
-        if not linearize(arguments, x, g, span, eps, band, room):
-            return x, np.inf, np.inf, evaluations, STALLED
-        dx = move(x, g, band, room)
-        new = plus(x, dx)
-        return new, size(dx), size(new), evaluations, SOLVED
-
-    newton = newton_method(improve)
+    @jit
+    def newton(
+        arguments: Any, start: Value, span: Number, eps: Number, band: Band, room: Room
+    ) -> tuple[Value, int, int]:
+        """Newton's method from the start, with a matrix for every iterate; (x, evaluations, status)."""
+        x, last, evaluations = start, np.inf, 0
+        for _ in range(NEWTON_LIMIT):
+            g = G(x, arguments)
+            evaluations += 1 + len(band.owner)
+            if not linearize(arguments, x, g, span, eps, band, room):
+                break
+            dx = move(x, g, band, room)
+            x, delta = plus(x, dx), size(dx)
+            if not delta < np.inf:
+                return x, evaluations, NOT_FINITE
+            if newton_converged(delta, last, eps * size(x), eps * span):
+                return x, evaluations, SOLVED
+            last = delta
+        return x, evaluations, STALLED
 
     @inline
     def solve(
@@ -277,7 +281,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
         """
         x, evaluations, status = simplified_newton(arguments, start, span, eps, band, room)
         if status != SOLVED:
-            x, more, status = newton(arguments, start, span, eps, (band, room))
+            x, more, status = newton(arguments, start, span, eps, band, room)
             evaluations += more
             if status != SOLVED:
                 forget(room.work, room.at, columns(band))

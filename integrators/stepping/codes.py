@@ -2,4 +2,5 @@
 
 from __future__ import annotations
 
-SOLVED, STALLED, NOT_FINITE, OUT_OF_STEP = 0, 1, 2, 3
+#: `ASKED` is none of a step: Newton's method is to be told G where it asks for it (`newton`).
+SOLVED, STALLED, NOT_FINITE, OUT_OF_STEP, ASKED = 0, 1, 2, 3, 4

@@ -83,6 +83,9 @@ from phasebench.integrators.compile import codegen, machine, preparation, progre
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
 from phasebench.integrators.values import vector
 
+from . import newton, root
+from .newton import Work
+
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
@@ -108,13 +111,13 @@ class Carry(NamedTuple):
     state : array with the rows q, p, what rounding lost of q and of p, then from `OWN` on ``Prepared.stages`` rows that
         a family may use
     memory : array (rows, width), for solutions of stage equations in earlier steps
-    work : array, for a linear system with its right-hand side
+    work : memory for linear systems, and Newton's method
     zero : a vector of d zeros, of the kind that q and p have in the kernel (tuple or array)
     """
 
     state: np.ndarray
     memory: np.ndarray
-    work: np.ndarray
+    work: Work
     zero: Any
 
 
@@ -151,6 +154,7 @@ class Prepared:
     begin : function (step, q, p) -> step that completes ``step`` for a run from the state (q, p)
     missed : what is wrong with fallbacks, steps that lack what the method promises, as the end of a message "n of m
         steps ..."; if it is empty, fallbacks do not change the status of a solution
+    searches : True if a step chooses a parameter by a `root.finder`, which keeps attempts in further rows of the state
     apart : True if the kernel in SIMD lanes sums the evaluations over the orbits, as it always does if ``implicit``;
         else it counts those of one orbit, which are the same for all
     """
@@ -167,6 +171,7 @@ class Prepared:
     work: tuple[int, int] | None = None
     arrays: bool = False
     apart: bool = False
+    searches: bool = False
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
         """Return the counts that a solution reports, name in `TALLY` -> number, from those that the kernel counted."""
@@ -266,6 +271,21 @@ def _set_energy(energy: Callable, step: NamedTuple, q: Any, p: Any) -> NamedTupl
     return step._replace(H0=energy(q, p)[0])
 
 
+def _functions_of(prepared: Prepared, arithmetic: str) -> tuple[Callable | None, Callable | None]:
+    solves = (prepared.implicit or prepared.linear) and prepared.work is None
+    return (
+        newton.function(arithmetic) if solves else None,
+        root.function(arithmetic) if prepared.searches else None,
+    )
+
+
+def work_of(prepared: Prepared, arithmetic: str = DOUBLE) -> Work:
+    """Allocate the memory for the linear systems of a kernel, with the functions that it calls where it needs them."""
+    solve, search = _functions_of(prepared, arithmetic)
+    shape = newton.shape(prepared.linear or prepared.width) if solve else prepared.work or (1, 1)
+    return Work(zeros(shape, arithmetic), solve, search)
+
+
 _kernels: dict = {}
 _of_prepared: WeakKeyDictionary = WeakKeyDictionary()  # by the degrees of freedom
 _pointers: WeakKeyDictionary = WeakKeyDictionary()  # to make a type takes longer than many a run
@@ -290,7 +310,8 @@ def _compile(prepared: Prepared, d: int) -> Callable:
     options = vector.TUPLES if any(map(vector.writes, step.types)) else codegen.options(d)  # nothing allocates
     key = (prepared.run, step, T, options is vector.TUPLES)
     if key not in _kernels:
-        carry = _tuple_type((_TABLE, _TABLE, _TABLE, T), Carry)
+        work = _tuple_type((_TABLE, *map(_type, _functions_of(prepared, DOUBLE))), Work)
+        carry = _tuple_type((_TABLE, _TABLE, work, T), Carry)
         samples = _tuple_type((_TABLE, _TABLE, _TABLE, types.int64), Samples)
         signature = types.UniTuple(types.int64, 2)(step, carry, samples, numba.from_dtype(COUNTS))
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")

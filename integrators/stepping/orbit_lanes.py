@@ -24,6 +24,7 @@ from phasebench.integrators.values.lanes import Lanes
 from phasebench.integrators.values.masks import LANES
 
 from .kernel import COUNTS, OWN, Carry, Prepared, Samples, _tuple_type, _type, aligned_zeros, entry, family_of
+from .newton import Work
 from .solve import LEVELS
 
 if TYPE_CHECKING:
@@ -124,7 +125,8 @@ def _block_loop(
     The other arguments are those of the function that `loop` returns.
     """
     for b in range(len(counts)):
-        orbit = Carry(block_of(tables.state, b), block_of(tables.memory, b), block_of(tables.work, b), zeros_of(zero))
+        work = Work(block_of(tables.work, b), None, None)
+        orbit = Carry(block_of(tables.state, b), block_of(tables.memory, b), work, zeros_of(zero))
         rows = Samples(block_of(samples.q, b), block_of(samples.p, b), block_of(samples.parameter, b), samples.every)
         run(with_block(step, varying, b), orbit, rows, counts[b])
 
@@ -146,7 +148,7 @@ def loop(prepared: Prepared, varying: tuple, d: int) -> Callable:
     key = (prepared.run, scalar, given, d)
     if key not in _loops:
         T, table, record = types.UniTuple(LANES, d), table_type(), numba.from_dtype(COUNTS)
-        orbit = _tuple_type((table, table, table, T), Carry)
+        orbit = _tuple_type((table, table, _tuple_type((table, types.none, types.none), Work), T), Carry)
         rows = _tuple_type((table, table, table, types.int64), Samples)
         inner = types.UniTuple(types.int64, 2)(type_with_block(scalar, given), orbit, rows, record)
         outer = types.none(

@@ -18,6 +18,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from phasebench.integrators.compile import machine, progress
+from phasebench.integrators.values.pointers import in_memory
 
 from .codes import NOT_FINITE, SOLVED
 from .kernel import P, Prepared, Q, Samples, _tuple_type, entry, kernel
@@ -102,7 +103,7 @@ def _call(address: int, h: float, steps: int) -> int:
 
 
 def _compile(run: Function, block: types.Type) -> PackedCall:
-    operations = _in_memory(block) | {"with_h": _with_h(block[1])}
+    operations = in_memory(block) | {"with_h": _with_h(block[1])}
 
     def compile_and_keep(f: Callable, signature: Any) -> Callable:
         options = {"error_model": "numpy", "nogil": True}
@@ -117,52 +118,6 @@ def _compile(run: Function, block: types.Type) -> PackedCall:
         run=run,
         call=compile_and_keep(_call, number(number, types.float64, number)),
     )
-
-
-def _in_memory(t: types.Type) -> dict[str, Function]:
-    """Make Numba intrinsics for values of the Numba type t that are stored at an address: name -> function.
-
-    ``read(address)`` returns the value; ``take(address)`` returns it with the reference that the memory held;
-    ``write(address, value)`` stores a value; ``bytes_of()`` is its size in bytes.
-    """
-
-    def place(context: Any, builder: Any, address: Any) -> Any:
-        return builder.inttoptr(address, context.get_value_type(t).as_pointer())
-
-    @intrinsic
-    def read(typing_context: Any, address: types.Type) -> tuple:
-        def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence) -> Any:
-            value = builder.load(place(context, builder, arguments[0]))
-            context.nrt.incref(builder, t, value)
-            return value
-
-        return t(address), codegen
-
-    @intrinsic
-    def take(typing_context: Any, address: types.Type) -> tuple:
-        def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence) -> Any:
-            return builder.load(place(context, builder, arguments[0]))
-
-        return t(address), codegen
-
-    @intrinsic
-    def write(typing_context: Any, address: types.Type, value: types.Type) -> tuple:
-        def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence) -> Any:
-            context.nrt.incref(builder, t, arguments[1])
-            builder.store(arguments[1], place(context, builder, arguments[0]))
-            return context.get_dummy_value()
-
-        return types.none(address, t), codegen
-
-    @intrinsic
-    def bytes_of(typing_context: Any) -> tuple:
-        def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence) -> Any:
-            size = context.get_abi_sizeof(context.get_value_type(t))
-            return context.get_constant(types.int64, size)
-
-        return types.int64(), codegen
-
-    return {"read": read, "take": take, "write": write, "bytes_of": bytes_of}
 
 
 def _with_h(t: types.Type) -> Function:

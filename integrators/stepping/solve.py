@@ -3,12 +3,11 @@ r"""Solve stage equations :math:`x = G(x)` to round-off, by fixed point, or by N
 Fixed point: iterate until the increment can fall no further.  With :math:`\delta_k = \|x_{k+1} - x_k\|` and
 :math:`\theta = \delta_k / \delta_{k-1}` the remaining error is about :math:`\delta_k\theta/(1 - \theta)`; it is brought
 far below the round-off of x, or until it no longer falls.  Where the iteration does not contract, Newton's method takes
-over on :math:`x - G(x)`, with a difference Jacobian (its error only slows the convergence: the residual is exact): from
-the start, and where that fails from zero.
+over on :math:`x - G(x)` (`newton`): from the start, and where that fails from zero.
 
-Both iterations are written once (`fixed_point`, `newton_method`).  Unknowns that fit into registers are tuples
-(`solver`), also of SIMD lanes; unknowns of many stages are rows of a two-dimensional array (`row_solver`), and those of
-a lattice an array whose Jacobian is banded (`banded`).  Starting values are extrapolated from earlier steps (`predict`,
+Unknowns that fit into registers are tuples (`solver`), also of SIMD lanes; unknowns of many stages are rows of a
+two-dimensional array (`row_solver`), and those of a lattice an array whose Jacobian is banded (`banded`).  Starting
+values are extrapolated from earlier steps (`predict`,
 `remember`).
 
 In equations with integrals, a quadrature rule is confirmed by the next finer one (`unchanged`, `refinement`).
@@ -26,23 +25,10 @@ import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS
 from phasebench.integrators.values.masks import broadcast_like, fails, number, overload_in_lanes, retire_lanes, where
-from phasebench.integrators.values.vector import (
-    axpy,
-    bump,
-    distance,
-    head,
-    inline,
-    jit,
-    load,
-    minus,
-    plus,
-    scale,
-    size,
-    store,
-    tail,
-)
+from phasebench.integrators.values.vector import axpy, distance, head, inline, load, scale, size, store, tail
 
-from .codes import NOT_FINITE, OUT_OF_STEP, SOLVED, STALLED  # noqa: F401
+from .codes import ASKED, NOT_FINITE, OUT_OF_STEP, SOLVED, STALLED  # noqa: F401
+from .newton import ASKED_AT, begin
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Condition, Number, Value
@@ -55,7 +41,6 @@ FIXED_POINT_LIMIT = 40
 #: The iteration stops when its error is this share of round-off: a larger error has a bias, and accumulates linearly
 #: in time.
 SHARE = 1e-3
-NEWTON_LIMIT = 25
 
 
 @inline
@@ -146,22 +131,6 @@ def lengths_of_both(x: Any, g: Any, e: NamedTuple) -> tuple[float, float]:
     return size(e.q) + size(head(x)) + size(head(g)), size(e.p) + size(tail(x)) + size(tail(g))
 
 
-@inline
-def difference(length: float, span: float, eps: float) -> float:
-    """Length of a finite difference in a variable of size ``length``, or of size ``span`` if that is zero."""
-    return eps**0.5 * (length if length > 0 else span)
-
-
-@inline
-def newton_converged(delta: float, last: float, unit: float, noise: float) -> bool:
-    """True if Newton's method has reached round-off, or is near it and no longer converging.
-
-    ``delta`` is the length of its last correction and ``last`` of the one before; ``unit`` is the round-off of the
-    unknowns, ``noise`` that of the variables in which their equations vary.
-    """
-    return delta <= unit or (delta >= 0.5 * last and delta <= 1e3 * (unit + noise))
-
-
 class Change(NamedTuple):
     """How far the unknowns, increments of q and p, move from one quadrature rule to the next.
 
@@ -199,35 +168,7 @@ def unchanged(move: Change, last: Change, noise: float, eps: float) -> tuple[boo
     return sure_q and sure_p, ended_q and ended_p
 
 
-# -- linear equations -------------------------------------------------------------------------------------------------
-
-
-@jit
-def gauss(A: np.ndarray, n: int) -> bool:
-    """Solve n linear equations by Gaussian elimination with row interchanges; returns False if they are singular.
-
-    The matrix is A[:n, :n], which is overwritten; column n of A is the right-hand side, and becomes the solution.
-    """
-    for j in range(n):
-        pivot = j
-        for i in range(j + 1, n):
-            if abs(A[i, j]) > abs(A[pivot, j]):
-                pivot = i
-        if not abs(A[pivot, j]) > 0:
-            return False
-        for k in range(n + 1):
-            A[j, k], A[pivot, k] = A[pivot, k], A[j, k]
-        for i in range(n):
-            if i != j:
-                factor = A[i, j] / A[j, j]
-                for k in range(j, n + 1):
-                    A[i, k] = A[i, k] - factor * A[j, k]
-    for j in range(n):
-        A[j, n] = A[j, n] / A[j, j]
-    return True
-
-
-# -- the two iterations -----------------------------------------------------------------------------------------------
+# -- the fixed point -------------------------------------------------------------------------------------------------
 
 
 def _started(x, span):
@@ -287,34 +228,6 @@ def fixed_point(sweep: Callable) -> Callable:
     return iterate
 
 
-def newton_method(improve: Callable) -> Callable:
-    """Make Newton's method: a function (equations, x, span, eps, work) -> (x, number of sweeps, status).
-
-    ``improve(equations, x, span, eps, work)`` makes the linear equations at x and solves them; it returns (new x, its
-    distance from x, the size of the new x, number of sweeps, status).  A sweep is an evaluation of the equations.
-    x is solved to ``eps``, the unit round-off, relative to its own size and to ``span``, the size of the variables
-    (such as q and p) of the functions in the equations.  ``work`` is the memory for a matrix.
-    """
-
-    @jit
-    def newton(equations: Any, x: Value, span: Number, eps: Number, work: np.ndarray) -> tuple[Value, int, int]:
-        last = np.inf
-        sweeps = 0
-        for _ in range(NEWTON_LIMIT):
-            x, delta, length, more, status = improve(equations, x, span, eps, work)
-            sweeps += more
-            if status != SOLVED:
-                return x, sweeps, status
-            if not delta < np.inf:
-                return x, sweeps, NOT_FINITE
-            if newton_converged(delta, last, eps * length, eps * span):
-                return x, sweeps, SOLVED
-            last = delta
-        return x, sweeps, STALLED
-
-    return newton
-
-
 # -- unknowns that are values -----------------------------------------------------------------------------------------
 
 
@@ -324,8 +237,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
     The solver is a function (arguments, start, span, eps, work) -> (x, evaluations of G, 1 if Newton's method was used
     else 0, status), for x a tuple or array of n numbers.  ``lengths(x, G(x), arguments)`` gives the sizes of the
     variables to which the two halves of x belong; ``span`` is the size of the variables (such as q and p) of the
-    functions in G, ``work`` an array for a matrix, at least (n + 1, n + 1).  The status is SOLVED, STALLED or
-    NOT_FINITE.
+    functions in G, ``work`` a `newton.Work` for n unknowns.  The status is SOLVED, STALLED or NOT_FINITE.
 
     For SIMD lanes there is no Newton's method: a lane that the fixed point does not solve becomes NaN, and its orbit is
     integrated again by the scalar kernel.  Their status is SOLVED if any lane is solved.
@@ -336,47 +248,29 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
         new = G(x, arguments)
         return replace(active, x, new), distance(new, x), size(new)
 
-    @inline
-    def improve(
-        arguments: Any, x: Value, span: Number, eps: Number, work: np.ndarray
-    ) -> tuple[Value, Number, Number, int, int]:
-        """Make one step of Newton's method from x, with a finite-difference Jacobian, as `newton_method` requires.
-
-        Returns (new x, its distance from x, its size, evaluations of G, status).
-        """
-        n = len(x)
-        g = G(x, arguments)
-        first, second = lengths(x, g, arguments)
-        for i in range(n):
-            step = difference(first if 2 * i < n else second, span, eps)
-            column = minus(G(bump(x, i, step), arguments), g)
-            store(work, n, column)
-            for j in range(n):
-                work[j, i] = (1.0 if i == j else 0.0) - work[n, j] / step
-        store(work, n, minus(g, x))
-        for j in range(n):
-            work[j, n] = work[n, j]
-        if not size(x) < np.inf:
-            return x, np.inf, np.inf, n + 1, NOT_FINITE
-        if not gauss(work, n):
-            return x, np.inf, np.inf, n + 1, STALLED
-        for j in range(n):
-            work[n, j] = work[j, n]
-        new = plus(x, load(work, n, x))
-        return new, distance(new, x), size(new), n + 1, SOLVED
-
-    iterate, newton = fixed_point(sweep), newton_method(improve)
+    iterate = fixed_point(sweep)
 
     def solve(arguments, start, span, eps, work):
         """Solve x = G(x, arguments) from the start; (x, evaluations, 1 if Newton's method was used else 0, status)."""
-        x, k, solved = iterate(arguments, start, span, eps)
+        x, evaluations, solved = iterate(arguments, start, span, eps)
         if solved:
-            return x, k, 0, SOLVED
-        x, evaluations, status = newton(arguments, start, span, eps, work)
-        if status != SOLVED:
-            x, more, status = newton(arguments, minus(start, start), span, eps, work)
-            evaluations += more
-        return x, k + evaluations, 1, status
+            return x, evaluations, 0, SOLVED
+        rows, n = work.rows, len(start)
+        at = n + ASKED_AT
+        begin(rows, n)
+        store(rows, at, start)
+        status = ASKED
+        while status == ASKED:
+            x = load(rows, at, start)
+            new = G(x, arguments)
+            evaluations += 1
+            store(rows, at + 1, new)
+            first, second = lengths(x, new, arguments)
+            status = work.newton(rows, rows, at, 1, n, (n + 1) // 2, first, second, span, eps)
+        x = load(rows, at, start)
+        if status == NOT_FINITE and size(x) < np.inf:
+            status = STALLED  # G has no value at x
+        return x, evaluations, 1, status
 
     def solve_lanes(arguments, start, span, eps, work):
         """Solve x = G(x, arguments) in SIMD lanes, by fixed point; x is NaN in lanes that are not solved.
@@ -392,7 +286,15 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
 # -- unknowns that are rows of a memory -------------------------------------------------------------------------------
 
 
-def row_solver(sweep: Callable, linearize: Callable) -> Callable:
+@inline
+def half_of_row(equations: Any) -> int:
+    """The number of unknowns in half a row, of which the first are increments of q and the second of p."""
+    return (len(equations.like) + 1) // 2
+
+
+def row_solver(
+    sweep: Callable, lengths: Callable, half: Callable = half_of_row, evaluate: Callable | None = None
+) -> Callable:
     """Make the solver of x = G(x) for unknowns in rows of an array: fixed point, Newton's method where that fails.
 
     The solver is a function (equations, at, span, eps, work) -> (sweeps of the fixed point, sweeps that Newton's method
@@ -403,9 +305,9 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
     - ``sweep(equations, old, new)`` writes G of the rows from ``old`` on to the rows from ``new`` on; it returns (the
       distance between them, the size of the new ones).
-    - ``linearize(equations, at, span, work)`` writes the matrix 1 - G' into ``work``, by differences of length
-      `difference`, and G itself to the rows from at + stages on; it may use the ``stages`` rows after those.  It
-      returns its own cost, as a number of sweeps.
+    - ``lengths(equations, at)`` gives the sizes of the variables to which unknowns in the rows from ``at`` on belong,
+      as two numbers, in turn for every ``half(equations)`` unknowns; the ``stages`` rows after these are G there.
+    - ``evaluate`` is G for Newton's method, called like ``sweep``, if that leaves out unknowns that need no iteration.
     """
 
     @inline
@@ -414,33 +316,7 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
         delta, length = sweep(equations, old, new)
         return (new, old), delta, length
 
-    @inline
-    def improve(
-        equations: Any, at: int, span: Number, eps: Number, work: np.ndarray
-    ) -> tuple[int, Number, Number, int, int]:
-        """Make one step of Newton's method on the unknowns in the rows from ``at`` on, as `newton_method` requires.
-
-        Returns (at, length of the correction, size of the new unknowns, cost as a number of sweeps, status).
-        """
-        memory, stages, n = equations.memory, equations.stages, len(equations.like)
-        order = stages * n
-        sweeps = linearize(equations, at, span, work)
-        delta, length = 0.0, 0.0
-        for r in range(order):
-            j, i = r // n, r % n
-            work[r, order] = memory[at + stages + j, i] - memory[at + j, i]
-            if not abs(work[r, order]) < np.inf:
-                return at, delta, length, sweeps, NOT_FINITE
-        if not gauss(work, order):
-            return at, delta, length, sweeps, STALLED
-        for r in range(order):
-            j, i = r // n, r % n
-            memory[at + j, i] += work[r, order]
-            delta += abs(work[r, order])
-            length += abs(memory[at + j, i])
-        return at, delta, length, sweeps, SOLVED
-
-    iterate, newton = fixed_point(to_and_fro), newton_method(improve)
+    iterate, evaluate = fixed_point(to_and_fro), evaluate or sweep
 
     @inline
     def solve(equations, at, span, eps, work):
@@ -448,24 +324,42 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
         Returns (sweeps of the fixed point, sweeps that Newton's method took, status).
         """
-        memory, stages, like = equations.memory, equations.stages, equations.like
+        memory, stages, n = equations.memory, equations.stages, len(equations.like)
         start = at + 3 * stages
-        copy(memory, at, start, stages, like)
+        copy(memory, at, start, stages, equations.like)
         (last, _), k, solved = iterate(equations, (at, at + stages), span, eps)
         if solved:
             if last != at:
-                copy(memory, last, at, stages, like)
+                copy(memory, last, at, stages, equations.like)
             return k, 0, SOLVED
-        copy(memory, start, at, stages, like)
-        _, sweeps, status = newton(equations, at, span, eps, work)
-        if status != SOLVED:
-            for j in range(stages):
-                store(memory, at + j, like)
-            _, more, status = newton(equations, at, span, eps, work)
-            sweeps += more
+        copy(memory, start, at, stages, equations.like)
+        begin(work.rows, stages * n)
+        sweeps, status = 0, ASKED
+        while status == ASKED:
+            evaluate(equations, at, at + stages)
+            sweeps += 1
+            first, second = lengths(equations, at)
+            status = work.newton(work.rows, memory, at, stages, n, half(equations), first, second, span, eps)
         return k, sweeps, status
 
     return solve
+
+
+def lengths_by_row(lengths: Callable) -> Callable:
+    """Make the function (equations, at) -> two sizes of `row_solver` from ``lengths(x, G(x), equations)`` of a row x.
+
+    Each is the largest of the rows'.
+    """
+
+    @inline
+    def largest(e: Any, at: int) -> tuple[Number, Number]:
+        first, second = 0.0 * e.step.h, 0.0 * e.step.h
+        for j in range(e.stages):
+            a, b = lengths(load(e.memory, at + j, e.like), load(e.memory, at + e.stages + j, e.like), e)
+            first, second = max(first, a), max(second, b)
+        return first, second
+
+    return largest
 
 
 def changes_by_row(change: Callable) -> Callable:

@@ -23,12 +23,12 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
-from phasebench.integrators.compile.options import TUPLES
+from phasebench.integrators.compile.options import TUPLES, UNCALLED
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Function, Number, Value
 
-OPTIONS = {"forceinline": True, **TUPLES}
+OPTIONS = {"forceinline": True, **TUPLES, **UNCALLED}
 NUMBER = ir.DoubleType()
 #: LLVM flags: products and sums may be fused, as everywhere; a sum over the lanes may be taken in any order.
 FUSED, ANY_ORDER = ("contract",), ("contract", "reassoc", "nsz")

@@ -24,6 +24,8 @@ from numba.core.datamodel import models
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, overload, register_model
 
+from phasebench.integrators.compile.options import UNCALLED
+
 from . import elementary
 from .lanes import OPTIONS, Lanes, broadcast
 from .vector import PLACES, scale
@@ -217,7 +219,7 @@ def _overload_for_masks(function: Function, in_lanes: Function, options: dict = 
     names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
     namespace = {"in_lanes": in_lanes, "alone": function, "Mask": Mask}
     exec(f"def typed({names}): return in_lanes if isinstance({names.split(',')[0]}, Mask) else alone", namespace)
-    overload(function, jit_options=options)(namespace["typed"])
+    overload(function, jit_options=options | UNCALLED)(namespace["typed"])
 
 
 _overload_for_masks(where, lambda condition, a, b: select(condition, a, b))
@@ -318,5 +320,5 @@ def overload_in_lanes(scalar: Function, in_lanes: Function) -> Function:
     namespace = {"__name__": __name__, "scalar": scalar, "in_lanes": in_lanes, "holds_lanes": holds_lanes}
     exec(f"def pick({names}):\n  return scalar({names})", namespace)
     exec(f"def typed({names}):\n  return in_lanes if holds_lanes(({names},)) else scalar", namespace)
-    overload(namespace["pick"], jit_options=PLACES)(namespace["typed"])
+    overload(namespace["pick"], jit_options=PLACES | UNCALLED)(namespace["typed"])
     return namespace["pick"]

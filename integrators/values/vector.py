@@ -21,7 +21,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
-from phasebench.integrators.compile.options import ARRAYS, COMMON, TUPLES
+from phasebench.integrators.compile.options import ARRAYS, COMMON, TUPLES, UNCALLED
 
 from .fma import fma
 from .lanes import offset_address
@@ -43,12 +43,17 @@ def _holds_vectors(t: types.Type) -> bool:
 
 #: Options of functions that only other compiled functions call.  An option that is not set is inherited from the
 #: caller; `forceinline` must not be.
-PART = COMMON | {"forceinline": False, "no_cfunc_wrapper": True}
+PART = COMMON | {"forceinline": False}
 
 
 def jit(f: Function) -> Function:
     """Compile ``f`` by Numba as a function of its own, not inlined, with the options of its caller; a decorator."""
-    return njit(**PART)(_rename_by_content(f))
+    return njit(**PART, no_cfunc_wrapper=True)(_rename_by_content(f))
+
+
+def part(f: Function) -> Function:
+    """Compile ``f`` like `jit`, without entries for Python and C: compiled code alone may call it; a decorator."""
+    return njit(**PART, **UNCALLED)(_rename_by_content(f))
 
 
 def inline(f: Function) -> Function:
@@ -112,7 +117,7 @@ def _overload_by_source(
     for build, options in ((for_tuples, {"forceinline": True, **TUPLES}), (for_arrays, loop_options)):
         namespace = {"__name__": __name__, "build": build}
         exec(f"def typed({', '.join(names)}): return build({', '.join(names)})", namespace)
-        overload(fn, jit_options=options)(namespace["typed"])
+        overload(fn, jit_options=options | UNCALLED)(namespace["typed"])
     return fn
 
 
@@ -357,7 +362,7 @@ def dispatch_on_none(when_none: Function, otherwise: Function) -> Function:
     namespace["holds"] = lambda *arguments: any(map(_holds_vectors, arguments))
     for vectors, options in ((False, {"forceinline": True, **TUPLES}), (True, ARRAYS)):
         exec(f"def typed({names}):\n  return kind({names}) if holds({names}) == {vectors} else None", namespace)
-        overload(namespace["pick"], jit_options=options)(namespace["typed"])
+        overload(namespace["pick"], jit_options=options | UNCALLED)(namespace["typed"])
     return namespace["pick"]
 
 
@@ -396,7 +401,7 @@ def overload_by_kind(function: Function, on_values: Function, on_arrays: Functio
         namespace = {"__name__": __name__, "chosen_for": chosen_for}
         namespace["fit"] = lambda *arguments, wanted=vectors: any(map(_holds_vectors, arguments)) == wanted
         exec(f"def typed({names}):\n  return chosen_for({names}) if fit({names}) else None", namespace)
-        overload(function, jit_options=options)(namespace["typed"])
+        overload(function, jit_options=options | UNCALLED)(namespace["typed"])
 
 
 def in_place(on_arrays: Function | None) -> Function:

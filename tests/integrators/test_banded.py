@@ -167,7 +167,7 @@ def test_evaluations_and_memory_do_not_grow_with_the_lattice():
             system, start = lattice(name, d)
             run = prepare(system, "implicit-midpoint", **BAND, **start)
             band = run._prepared.step.band
-            sizes.append((band.width, len(band.owner), run._layout.carry.work.size / d))
+            sizes.append((band.width, len(band.owner), run._layout.carry.work.rows.size / d))
         assert sizes[0] == sizes[1]
         assert (sizes[0][0] <= 7, sizes[0][1] <= 9) == (True, True)
 

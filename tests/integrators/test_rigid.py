@@ -10,6 +10,7 @@ from phasebench.integrators import InvalidInput, RigidBody, integrate
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.compositions import compose
 from phasebench.integrators.registry import BY_ID, METHODS, method
+from phasebench.integrators.stepping import newton
 from phasebench.integrators.stepping.kernel import prepare
 
 IDS = [m.id for m in METHODS if m.family == "rigid"]
@@ -133,7 +134,7 @@ def test_a_step_too_long_for_moser_and_veselov_says_so():
 def test_a_long_step_is_solved_by_newton_in_memory_of_its_own():
     body, q, p = SYSTEMS[RIGID[0]]()
     for id in ("moser-veselov", "lie-midpoint"):
-        assert lay_out(prepare(method(id), body), body.d, 1.5, q, p).carry.work.shape == (5, 5)
+        assert lay_out(prepare(method(id), body), body.d, 1.5, q, p).carry.work.rows.shape == newton.shape(4)
     s = integrate(body, "lie-midpoint", h=1.5, steps=50, q0=q, p0=p)
     assert (s.status, s.counts["newton"] > 0) == ("ok", True)
 

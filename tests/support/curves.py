@@ -8,9 +8,9 @@ import numpy as np
 
 from phasebench.integrators.stepping import energy_model as model
 from phasebench.integrators.stepping.energy_model import Attempt, Search
-from phasebench.integrators.stepping.root import finder
+from phasebench.integrators.stepping.root import ROWS, SLOTS, finder, function
 from phasebench.integrators.stepping.solve import NOT_FINITE, SOLVED
-from phasebench.integrators.values.vector import State, jit, scale
+from phasebench.integrators.values.vector import State, inline, jit, scale
 
 from .values import value
 
@@ -35,6 +35,7 @@ class Curve(NamedTuple):
     jump : E is larger by this from x = 0.3 on
     tried : array, a row (x, start, ease, units added to E) for each attempt
     many : array (1, 1), the number of attempts so far
+    states : array (8, 1), where the search keeps states of attempts
     """
 
     y: State
@@ -46,6 +47,7 @@ class Curve(NamedTuple):
     jump: float
     tried: Any
     many: Any
+    states: Any
 
 
 @jit
@@ -69,7 +71,14 @@ def attempt(x, start, ease, e):
     return Attempt(y, E, e.unit, SOLVED)
 
 
-FIND = {followed: finder(attempt, followed) for followed in (True, False)}
+class Searching(NamedTuple):
+    """Stands in for a kernel's `newton.Work`, of which a finder takes the search alone."""
+
+    search: Any
+
+
+WORK = Searching(function())
+FIND = {followed: finder(attempt, inline(lambda e: e.states), followed) for followed in (True, False)}
 
 
 class Found(NamedTuple):
@@ -104,9 +113,9 @@ def look(c, models=None, predicted=np.nan, followed=True, search=NEAR, errors=()
     below, above = curve.get("within", (-np.inf, np.inf))
     c = (*map(float, c), *[0.0] * (5 - len(c)))
     blur, jump = curve.get("blur", 0.0), curve.get("jump", 0.0)
-    e = Curve(State(one, one, one, one), c, unit, below, above, blur, jump, tried, many)
+    e = Curve(State(one, one, one, one), c, unit, below, above, blur, jump, tried, many, np.zeros((SLOTS * ROWS, 1)))
     models = model_of() if models is None else models
-    x, found, result = FIND[followed](search, models, 0, predicted, e)
+    x, found, result = FIND[followed](search, models, 0, predicted, e, WORK)
     return Found(x, found, result.y.q[0], result.E, result.status, tried[: int(many[0, 0])])
 
 

@@ -98,7 +98,7 @@ def _rebound(system: Large, d: int, steps: int) -> Callable[[], object]:
 def array_bytes(run: PreparedRun) -> int:
     """The bytes of the arrays that a prepared run holds: state, memory of earlier steps, work."""
     carry = run._layout.carry
-    return sum(a.nbytes for a in (carry.state, carry.memory, carry.work, run._start, run._end))
+    return sum(a.nbytes for a in (carry.state, carry.memory, carry.work.rows, run._start, run._end))
 
 
 def made(system: str) -> list[dict]:
