@@ -27,7 +27,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import types
 from numpy.typing import ArrayLike
 
 from phasebench.integrators.compile import codegen
@@ -232,10 +231,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
         """
         if order != 1:
             raise InvalidInput("a system with constraints has no generating function in its coordinates")
-        T, number = codegen.value_type(self.d, self.fills), types.float64
-        arguments = [("q", self.q), ("p", self.p), ("h", sp.Symbol("h")), ("lam", sp.Symbol("lam"))]
-        signature = types.Tuple((T, T))(T, T, number, number)
-        return self.make_function("field-1", arguments, lambda: self.shared, signature, arithmetic)
+        return self.field_like("field-1", lambda: self.shared, arithmetic)
 
     def rates(self, Q: Any, P: Any) -> Floats:
         """The index-reduced vector field y' = (q', p') at each row of Q, P (n, d): array (2 d, n)."""
@@ -264,16 +260,13 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     def grad_V(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function q -> grad V(q) of a separable H, without the constraint forces."""
-        T = codegen.value_type(self.d, self.fills)
-        results = lambda: slopes(self.free.potential, self.q)  # noqa: E731
-        return self.make_function("grad_V", [("q", self.q)], results, T(T), arithmetic)
+        return self.gradient_like("grad_V", "q", lambda: slopes(self.free.potential, self.q), arithmetic)
 
     def grad_T(self, arithmetic: str = DOUBLE) -> Function | None:
         """The function p -> M^-1 p of an H with a constant mass matrix; None if that is p itself."""
         if self.free.unit_mass:
             return None
-        T = codegen.value_type(self.d, self.fills)
-        return self.make_function("grad_T", [("p", self.p)], lambda: [list(self.dq)], T(T), arithmetic)
+        return self.gradient_like("grad_T", "p", lambda: [list(self.dq)], arithmetic)
 
     def _solved(
         self,
@@ -329,11 +322,7 @@ class ConstrainedHamiltonian(PartitionedSystem):
 
     def free_field(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, p, h, lam) -> (H_p, -H_q), the field without constraints; it ignores h and lam."""
-        T, number = codegen.value_type(self.d), types.float64
-        arguments = [("q", self.q), ("p", self.p), ("h", sp.Symbol("h")), ("lam", sp.Symbol("lam"))]
-        signature = types.Tuple((T, T))(T, T, number, number)
-        results = lambda: motion(self.free, lighter_gradient)  # noqa: E731
-        return self.make_function("free field", arguments, results, signature, arithmetic)
+        return self.field_like("free field", lambda: motion(self.free, lighter_gradient), arithmetic)
 
     def mobility(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, p, x) -> H_pp(q, p) x, the product of a matrix (d, d) and a vector (d,)."""

@@ -281,6 +281,25 @@ class PartitionedSystem:
             self._functions[kind, arithmetic] = codegen.function(key, text, signature, arithmetic)
         return self._functions[kind, arithmetic]
 
+    def field_like(
+        self,
+        kind: str,
+        results: Callable[[], Program | Sequence[Any]],
+        arithmetic: str,
+        h: sp.Symbol | None = None,
+        lam: sp.Symbol | None = None,
+    ) -> Function:
+        """Generate a function (q, p, h, lam) -> two vectors, as `make_function` does; most ignore h and lam."""
+        T, number = codegen.value_type(self.d, self.fills), types.float64
+        scalars = [("h", h or sp.Symbol("h")), ("lam", lam or sp.Symbol("lam"))]
+        signature = types.Tuple((T, T))(T, T, number, number)
+        return self.make_function(kind, [("q", self.q), ("p", self.p), *scalars], results, signature, arithmetic)
+
+    def gradient_like(self, kind: str, of: str, results: Callable[[], Any], arithmetic: str) -> Function:
+        """Generate a function of q or p, by the name ``of``, with a vector as its result, as `make_function` does."""
+        T = codegen.value_type(self.d, self.fills)
+        return self.make_function(kind, [(of, self.q if of == "q" else self.p)], results, T(T), arithmetic)
+
     def field(self, arithmetic: str = DOUBLE, order: int = 1) -> Function:
         """Generate the vector field, a function f(q, p, h, lam) -> (q', p') of vectors of d numbers.
 
@@ -288,8 +307,7 @@ class PartitionedSystem:
         function of the parameterized family (`generating`) with the parameter lam, divided by h and truncated after
         h^r: a step of length h with it has order r.
         """
-        T, number = codegen.value_type(self.d, self.fills), types.float64
-        h, lam = sp.Symbol("h", positive=True), generating.LAMBDA
+        h = sp.Symbol("h", positive=True)
 
         def results() -> Program | list[list[sp.Expr]]:
             if order == 1:
@@ -302,9 +320,7 @@ class PartitionedSystem:
 
             return [slopes(self.p), [-e for e in slopes(self.q)]]
 
-        arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
-        signature = types.Tuple((T, T))(T, T, number, number)
-        return self.make_function(f"field-{order}", arguments, results, signature, arithmetic)
+        return self.field_like(f"field-{order}", results, arithmetic, h, generating.LAMBDA)
 
     def energy(self, arithmetic: str = DOUBLE) -> Function:
         """Generate the function (q, p) -> (H, M), where eps M estimates the round-off of H.
@@ -580,16 +596,11 @@ class Hamiltonian(PartitionedSystem):
         """The function p -> grad T(p) of a separable H; None if that is p itself."""
         if self.unit_mass:
             return None
-        T = codegen.value_type(self.d, self.fills)
-        return self.make_function(
-            "grad_T", [("p", self.p)], lambda: [[sp.diff(self.kinetic, x) for x in self.p]], T(T), arithmetic
-        )
+        return self.gradient_like("grad_T", "p", lambda: [[sp.diff(self.kinetic, x) for x in self.p]], arithmetic)
 
     def grad_V(self, arithmetic: str = DOUBLE) -> Function:
         """The function q -> grad V(q) of a separable H."""
-        T = codegen.value_type(self.d, self.fills)
-        results = lambda: shared.slopes(self.potential, self.q)  # noqa: E731
-        return self.make_function("grad_V", [("q", self.q)], results, T(T), arithmetic)
+        return self.gradient_like("grad_V", "q", lambda: shared.slopes(self.potential, self.q), arithmetic)
 
     @property
     def slow_potential(self) -> sp.Expr:
@@ -600,14 +611,8 @@ class Hamiltonian(PartitionedSystem):
 
     def grad_U(self, arithmetic: str = DOUBLE) -> Function:
         """The function q -> grad U(q) of the slow potential U, for a system with a fast linear part."""
-        T = codegen.value_type(self.d)
-        return self.make_function(
-            f"grad_U {self.frequencies}",
-            [("q", self.q)],
-            lambda: [[sp.diff(self.slow_potential, x) for x in self.q]],
-            T(T),
-            arithmetic,
-        )
+        kind = f"grad_U {self.frequencies}"
+        return self.gradient_like(kind, "q", lambda: [[sp.diff(self.slow_potential, x) for x in self.q]], arithmetic)
 
     def hessian(self) -> sp.Matrix:
         """The matrix of second derivatives of H with respect to (q, p), of shape (2 d, 2 d), as expressions."""

@@ -94,17 +94,11 @@ class PoissonSystem(PartitionedSystem):
 
         It has these arguments so that it can replace a vector field that depends on a step h and a parameter lambda.
         """
-        T, number = codegen.value_type(self.d), types.float64
-        h, lam = sp.symbols("h lam")
-        arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
-        signature = types.Tuple((T, T))(T, T, number, number)
-        return self.make_function(
-            "gradient",
-            arguments,
-            lambda: [[sp.diff(self.H, x) for x in self.q], [sp.diff(self.H, x) for x in self.p]],
-            signature,
-            arithmetic,
-        )
+
+        def results() -> list[list[sp.Expr]]:
+            return [[sp.diff(self.H, x) for x in part] for part in (self.q, self.p)]
+
+        return self.field_like("gradient", results, arithmetic)
 
     def structure(self, arithmetic: str = DOUBLE) -> Function:
         """Make the function (q, p, a, b) -> the two halves of B(q, p) (a, b), the structure matrix times a vector."""

@@ -29,7 +29,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
@@ -136,10 +135,7 @@ class RigidBody(Hamiltonian):
         """Make the function q -> grad V(q) of quaternions; None for a free body."""
         if self.V == 0:
             return None
-        T = codegen.value_type(self.d)
-        return self.make_function(
-            "rigid grad_V", [("q", self.q)], lambda: [[sp.diff(self.V, x) for x in self.q]], T(T), arithmetic
-        )
+        return self.gradient_like("rigid grad_V", "q", lambda: [[sp.diff(self.V, x) for x in self.q]], arithmetic)
 
     @cached_property
     def pair(self) -> tuple[int, int, int]:
