@@ -9,9 +9,12 @@ Source: N. R. Draper, H. Smith, Applied Regression Analysis (1998), 1.4 (the int
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 CONFIDENCE = 0.95
 #: Windows whose slope has a narrower half-interval count as equally good; the longest of them is taken.
@@ -34,7 +37,8 @@ class Order:
     Attributes
     ----------
     value, low, high : the order and its interval
-    first, last, points : the largest and the smallest h of the window, and how many; 0, and all else NaN, below 3
+    first, last : the largest and the smallest h of the window
+    points : number of points in the window; 0, and all else NaN, if fewer than 3 points can be used
     """
 
     value: float
@@ -66,7 +70,10 @@ def slope(x: ArrayLike, y: ArrayLike) -> Slope:
 
 
 def t_value(x: ArrayLike, y: ArrayLike) -> float:
-    """Return the least-squares slope of y on x in its standard errors; raises as `slope`."""
+    """Return the least-squares slope of y on x, arrays (n,) with n >= 3, in its standard errors.
+
+    Raises ValueError for fewer points or if all x are equal.
+    """
     value, error, _ = _line(x, y)
     return float(value / error)
 
@@ -89,13 +96,23 @@ def power(h: ArrayLike, error: ArrayLike) -> Slope:
 
 
 def order(h: ArrayLike, error: ArrayLike, noise: float = 0.0, ceiling: float = np.inf) -> Order:
-    """Return the observed order of convergence of ``error`` as the step h falls, arrays (n,), in the asymptotic window.
+    """Return the observed order of convergence of ``error`` as the step h falls, in the asymptotic window.
 
     A line is fitted to each run of at least 3 neighbouring points; the window is the run with the narrowest interval of
     the slope.  Coarse steps (not yet asymptotic) and fine ones (round-off) bend the line and widen the interval, as do
     fewer points.  Runs whose interval is narrower than +-0.01 count as equal; of these the longest, then the finest, is
-    taken.  Errors that are not finite or not positive, up to ``noise`` (round-off, the uncertainty of the reference) or
-    from ``ceiling`` on (as large as the solution) are left out.  Raises ValueError for arrays of different lengths.
+    taken.
+
+    Parameters
+    ----------
+    h, error : arrays (n,), in any order; errors that are not finite or not positive are left out
+    noise : errors up to this (round-off, the uncertainty of the reference) are left out
+    ceiling : errors from this on (saturated: as large as the solution) are left out
+
+    Raises
+    ------
+    ValueError
+        If h and error are not arrays of one length.
     """
     h, error = np.asarray(h, float), np.asarray(error, float)
     if h.shape != error.shape or h.ndim != 1:

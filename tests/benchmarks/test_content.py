@@ -13,6 +13,7 @@ import mpmath
 import pytest
 
 from phasebench.benchmarks.ladder import sweep
+from phasebench.benchmarks.measure.multiprecision import leaves, replace_at
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
 from phasebench.benchmarks.store import cells
 from phasebench.benchmarks.store.cells import ProblemKey, content, exact
@@ -20,7 +21,6 @@ from phasebench.integrators import registry
 from phasebench.integrators.compile import digest
 from phasebench.integrators.registry import method
 from phasebench.reference.peers import PEERS
-from support.slips import leaves, replace_at
 
 SPLITTING = "phasebench.integrators.families.splitting"
 SWEEP = "phasebench.benchmarks.ladder.sweep"
