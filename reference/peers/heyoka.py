@@ -41,10 +41,7 @@ DOCUMENTATION = "https://bluescarni.github.io/heyoka.py/"
 @lru_cache(maxsize=KEPT)
 def is_compact(system: PartitionedSystem) -> bool:
     """True if the peers compile the equations of a system in compact mode."""
-    import sympy as sp
-
-    definitions, vectors = system.shared
-    return sum(sp.count_ops(e) for e in (*(e for _, e in definitions), *(e for v in vectors for e in v))) > UNROLLED
+    return heyoka_forms.operations(heyoka_forms.program(system)) > UNROLLED
 
 
 @lru_cache(maxsize=KEPT)

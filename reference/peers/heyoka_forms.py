@@ -15,12 +15,15 @@ import numpy as np
 from . import particles
 
 if TYPE_CHECKING:
+    from phasebench.integrators.compile.printing import Program
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 TRANSLATED, NBODY, CENTRE = "translated", "nbody", "fixed_centres"
 NAMES = (TRANSLATED, NBODY, CENTRE)
 #: Size of the cache of forms.
 KEPT = 64
+#: The most degrees of freedom of a system whose H is tried multiplied out, too.
+FEW = 3
 
 
 class Form(NamedTuple):
@@ -58,6 +61,27 @@ def names(system: PartitionedSystem) -> tuple[str, ...]:
     return (TRANSLATED, *([NBODY] if particles.GRAVITY in settings else []), *([CENTRE] if alone else []))
 
 
+def operations(program: Program) -> int:
+    """The number of operations in the right-hand sides of a system."""
+    import sympy as sp
+
+    definitions, vectors = program
+    return sum(sp.count_ops(e) for e in (*(e for _, e in definitions), *(e for v in vectors for e in v)))
+
+
+@lru_cache(maxsize=KEPT)
+def program(system: PartitionedSystem) -> Program:
+    """The right-hand sides of a system, of H as it is given or multiplied out, whichever take fewer operations."""
+    from sympy import expand
+
+    from phasebench.integrators.systems import shared
+
+    given = system.shared
+    if system.d > FEW or not system.canonical or system.loops:
+        return given
+    return min(given, shared.motion(system, lambda H, x: shared.gradient(expand(H), x)), key=operations)
+
+
 @lru_cache(maxsize=KEPT)
 def form(system: PartitionedSystem, name: str) -> Form:
     """The equations of motion of a system in the form ``name``, one of `names(system)`."""
@@ -66,7 +90,7 @@ def form(system: PartitionedSystem, name: str) -> Form:
     from phasebench.reference.solvers import taylor
 
     if name == TRANSLATED:
-        return Form(tuple(taylor.equations(system, float)))
+        return Form(tuple(taylor.equations(system, float, program(system))))
     setting = particles.settings(system)[particles.GRAVITY if name == NBODY else particles.CENTRAL]
     if name == NBODY:
         model = hy.model.nbody(len(setting.masses), masses=setting.masses, Gconst=setting.G)

@@ -19,6 +19,7 @@ from . import watch
 from .translate import translate
 
 if TYPE_CHECKING:
+    from phasebench.integrators.compile.printing import Program
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Decimals of a long double as text: 21 determine it, the rest keep the text's own error out of comparisons.
@@ -78,15 +79,19 @@ class Reference:
     rounding: np.ndarray
 
 
-def equations(system: PartitionedSystem, fp: type | Bits) -> list:
-    """The equations of motion of ``system`` for heyoka, [(variable, right-hand side), ...], q before p."""
+def equations(system: PartitionedSystem, fp: type | Bits, program: Program | None = None) -> list:
+    """The equations of motion of ``system`` for heyoka, [(variable, right-hand side), ...], q before p.
+
+    ``program`` has the right-hand sides [q', p']; ``system.shared`` if None.
+    """
     import heyoka as hy
 
     variables = {x: hy.expression(f"x{i}") for i, x in enumerate((*system.q, *system.p))}
     known = dict(variables)
-    for symbol, e in system.shared.definitions:
+    definitions, results = program or system.shared
+    for symbol, e in definitions:
         known[symbol] = translate(e, known, fp)
-    sides = (translate(e, known, fp) for vector in system.shared.results for e in vector)
+    sides = (translate(e, known, fp) for vector in results for e in vector)
     return list(zip(variables.values(), sides, strict=True))
 
 

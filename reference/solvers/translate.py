@@ -48,13 +48,15 @@ def translate(e: sp.Expr, variables: dict, fp: Callable[[Any], Any]) -> hy.expre
     def constant(x: sp.Expr) -> hy.expression:
         return hy.expression(number(x, fp))
 
+    two = constant(sp.Integer(2))
+
     def product(base: hy.expression, n: int) -> hy.expression:
-        """base**n, n >= 1, by repeated squaring."""
+        """base**n, n >= 1, by repeated squaring; heyoka's square takes half the time of a product, in a sum even less."""
         result = None
         while n:
             if n & 1:
                 result = base if result is None else result * base
-            base, n = base * base if n > 1 else base, n >> 1
+            base, n = base**two if n > 1 else base, n >> 1
         return result
 
     def power(base: sp.Expr, exponent: sp.Expr) -> hy.expression:

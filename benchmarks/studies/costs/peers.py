@@ -32,13 +32,10 @@ FACTOR, MORE = 1.10, 0.2e-6
 REPEATS, ROUNDS = 100, 21
 #: heyoka's largest ratio, tolerances, span in units of the problem's step, seconds of a round, rounds.
 TRANSLATED, TOLERANCES, SPAN, ROUND, MANY = 1.05, (1e-4, 1e-12), 50, 2e-4, 201
-#: Problems on which equations written by hand, or heyoka's model, are known to be faster.
+#: Problems on which equations written by hand are known to be faster.
 SLOWER = {
     "butane": "products of cross products, which by hand are products of dot products",
     "kerr": "the squares of its W are multiplied out by hand, and terms gathered over r^2",
-    "magnetized-schwarzschild": "V is multiplied out by hand",
-    "n-body": "heyoka's model integrates velocities, which need no division by the masses",
-    "solar-system": "heyoka's model compiles better in compact mode",
 }
 Call = Callable[[], Any]
 
