@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 POINTS, MODES = 48, 48
 #: Models of the noise: up to which component a random walk exceeds white noise.  With their weights the interval covers
 #: 97 % of draws of white noise and 95 % of a random walk; of a sum of both at least 80 %, the least for 4 to 8.
-MODELS, WEIGHTS = (0.0, 3.0, 16.0, np.inf), (1.0, 1.75, 4.0, 40.0)
+MODELS, WEIGHTS = (0.0, 3.0, 16.0, np.inf), (1.0, 1.6, 4.0, 40.0)
 #: A longer series is reduced to about `SAMPLES` means, each over `OVERLAP` times their spacing.
 SAMPLES, OVERLAP = 512, 16
 #: Largest number of fitted lines, and the least number of periods of a line in the whole series.
