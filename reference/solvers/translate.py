@@ -51,7 +51,7 @@ def translate(e: sp.Expr, variables: dict, fp: Callable[[Any], Any]) -> hy.expre
     two = constant(sp.Integer(2))
 
     def product(base: hy.expression, n: int) -> hy.expression:
-        """base**n, n >= 1, by repeated squaring; heyoka's square takes half the time of a product, in a sum even less."""
+        """base**n, n >= 1, by repeated squaring; heyoka's squares take half the time of products, in sums less."""
         result = None
         while n:
             if n & 1:

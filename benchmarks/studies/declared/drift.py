@@ -18,8 +18,8 @@ from phasebench.benchmarks.page.verdict import EVERY, Between, Range, at_least
 from phasebench.integrators.record import BOUNDED, DRIFT
 
 TABLE, RUNS = "drift_coverage", "rows"
-#: The share of draws of a kind that a nominal 95 % interval should cover; of a length and a period at least `EACH`, of a
-#: scene's runs `LEAST`.
+#: The share of draws of a kind that a nominal 95 % interval should cover; at least `EACH` of those of a length and a
+#: period, and `LEAST` of a scene's runs.
 KIND_LEAST, MOST, EACH, LEAST = 0.93, 0.99, 0.85, 0.9
 #: The share of series in which a sure drift should be seen, where the oscillation has so many periods at least.
 SEEN, PERIODS = 0.95, 4
@@ -165,8 +165,8 @@ STUDY = Study(
     shown=table,
     limits=(
         f"Wanted: {KIND_LEAST:.0%} to {MOST:.0%} for a kind of series with noise, at least {KIND_LEAST:.0%} for others "
-        f"and {EACH:.0%} for each length and period, {LEAST:.0%} for the runs of each scene; of {DRAWN} draws a coverage "
-        f"has a standard error of {number((CONFIDENCE * (1 - CONFIDENCE) / DRAWN) ** 0.5, 2)}.",
+        f"and {EACH:.0%} for each length and period, {LEAST:.0%} for the runs of each scene; of {DRAWN} draws a "
+        f"coverage has a standard error of {number((CONFIDENCE * (1 - CONFIDENCE) / DRAWN) ** 0.5, 2)}.",
         f"An oscillation of fewer than {SLOWEST} periods in the whole time cannot be told from a drift: its interval "
         "covers too seldom.",
         f"A drift beside an oscillation of fewer than {PERIODS} periods is seen less often than in {SEEN:.0%}. White "
