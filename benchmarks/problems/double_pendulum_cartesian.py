@@ -18,6 +18,11 @@ from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 from .base import Orbit, Problem, decades
 
 PARAMETERS = {"m1": 1.0, "m2": 1.0, "l1": 1.0, "l2": 1.0, "g": 1.0}
+#: Orbit -> the angles at which it starts, and what it is.
+STARTS = {
+    "regular": (0.2, 0.2 * sqrt(2), "at rest near the slow normal mode"),
+    "chaotic": (radians(120), radians(-10), "at rest at 120 and -10 degrees"),
+}
 
 
 def _at_rest(a: float, b: float, l1: float, l2: float) -> tuple[float, ...]:
@@ -34,7 +39,6 @@ def make(**parameters: float) -> Problem:
     m1, m2, l1, l2, g = (sp.Rational(parameters[name]) for name in PARAMETERS)
     x1, y1, x2, y2, u1, v1, u2, v2 = sp.symbols("x1 y1 x2 y2 u1 v1 u2 v2", real=True)
     lengths = parameters["l1"], parameters["l2"]
-    rest = (0.0, 0.0, 0.0, 0.0)
     return Problem(
         id="double-pendulum-cartesian",
         name="double pendulum, two points by constraints",
@@ -47,21 +51,9 @@ def make(**parameters: float) -> Problem:
             H=(u1**2 + v1**2) / (2 * m1) + (u2**2 + v2**2) / (2 * m2) + m1 * g * y1 + m2 * g * y2,
             constraints=[(x1**2 + y1**2 - l1**2) / 2, ((x2 - x1) ** 2 + (y2 - y1) ** 2 - l2**2) / 2],
         ),
-        orbits=(
-            Orbit(
-                "regular",
-                _at_rest(0.2, 0.2 * sqrt(2), *lengths),
-                rest,
-                "at rest near the slow normal mode",
-                decades(100.0),
-            ),
-            Orbit(
-                "chaotic",
-                _at_rest(radians(120), radians(-10), *lengths),
-                rest,
-                "at rest at 120 and -10 degrees",
-                decades(100.0),
-            ),
+        orbits=tuple(
+            Orbit(name, _at_rest(*angles, *lengths), (0.0,) * 4, about, decades(100.0))
+            for name, (*angles, about) in STARTS.items()
         ),
         parameters=parameters,
     )

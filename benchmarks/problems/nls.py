@@ -152,7 +152,8 @@ def make(N: int, L: float) -> Problem:
         system = HandHamiltonian(q=q, p=p, H=H, loops=loops, constants=constants(N, L), degree=4, invariants=(mass,))
     dx = L / N
     x = [-L / 2 + j * dx for j in range(N)]
-    soliton = [(sqrt(dx) / cosh(y), 2 * pi * y / L) for y in x]
+    wave = tuple(sqrt(dx) / 2 * (1 + cos(2 * pi * y / L) / 10) for y in x)
+    soliton = (tuple(sqrt(dx) / cosh(y) * turn(2 * pi * y / L) for y in x) for turn in (cos, sin))
     return Problem(
         id="nls",
         name="nonlinear Schroedinger equation, semi-discrete",
@@ -161,20 +162,8 @@ def make(N: int, L: float) -> Problem:
         cite=("zakharov-shabat1972", "islas2001", "bridges-reich2001"),
         system=system,
         orbits=(
-            Orbit(
-                "plane-wave",
-                tuple(sqrt(dx) / 2 * (1 + cos(2 * pi * y / L) / 10) for y in x),
-                (0.0,) * N,
-                "psi = (1 + cos(2 pi x / L) / 10) / 2",
-                (0.1, 1.0, 10.0),
-            ),
-            Orbit(
-                "soliton",
-                tuple(r * cos(phase) for r, phase in soliton),
-                tuple(r * sin(phase) for r, phase in soliton),
-                "psi = sech(x) exp(2 pi i x / L)",
-                (0.1, 1.0, 5.0),
-            ),
+            Orbit("plane-wave", wave, (0.0,) * N, "psi = (1 + cos(2 pi x / L) / 10) / 2", (0.1, 1.0, 10.0)),
+            Orbit("soliton", *soliton, "psi = sech(x) exp(2 pi i x / L)", (0.1, 1.0, 5.0)),
         ),
         invariants={"mass": mass},
         parameters={"N": N, "L": L},

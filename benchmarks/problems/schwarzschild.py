@@ -33,7 +33,11 @@ def _pericentre(name: str, M: float, semilatus: float, e: float, times: tuple[fl
     x = semilatus - 3 - e**2
     E = sqrt(((semilatus - 2) ** 2 - 4 * e**2) / (semilatus * x))
     about = f"pericentre of semilatus rectum {semilatus:g} M, eccentricity {e:g}"
-    return Orbit(name, (0.0, semilatus * M / (1 + e), 0.0), (-E, 0.0, semilatus * M / sqrt(x)), about, times)
+    return _from(name, semilatus * M / (1 + e), E, semilatus * M / sqrt(x), about, times)
+
+
+def _from(name: str, r: float, E: float, L: float, about: str, times: tuple[float, ...]) -> Orbit:
+    return Orbit(name, (0.0, r, 0.0), (-E, 0.0, L), about, times)
 
 
 def make(M: float, semilatus: float, e: float) -> Problem:
@@ -67,20 +71,8 @@ def make(M: float, semilatus: float, e: float) -> Problem:
         orbits=(
             _pericentre("precessing", M, semilatus, e, decades(1000.0)),
             _pericentre("zoom-whirl", M, 7.001, 0.5, (*decades(1000.0), 2000.0)),
-            Orbit(
-                "isco",
-                (0.0, 6 * M, 0.0),
-                (-sqrt(8 / 9), 0.0, sqrt(12) * M),
-                "innermost stable circular orbit",
-                decades(1000.0),
-            ),
-            Orbit(
-                "photon-sphere",
-                (0.0, 3 * M, 0.0),
-                (-1.0, 0.0, sqrt(27) * M),
-                "light on the unstable circle",
-                (0.1, 1.0, 10.0, 40.0),
-            ),
+            _from("isco", 6 * M, sqrt(8 / 9), sqrt(12) * M, "innermost stable circular orbit", decades(1000.0)),
+            _from("photon-sphere", 3 * M, 1.0, sqrt(27) * M, "light on the unstable circle", (0.1, 1.0, 10.0, 40.0)),
         ),
         invariants=kept,
         parameters={"M": M, "semilatus": semilatus, "e": e},

@@ -27,6 +27,7 @@ def make() -> Problem:
     """Make the problem of the figure-eight orbit of three bodies, which has no parameters."""
     q, p, _, distances, kept = bodies(3, "xy")
     (x, y), (u, v) = FIRST, THIRD
+    where = (x, y, -x, -y, 0.0, 0.0)
     return Problem(
         id="figure-eight",
         name="figure eight of three bodies",
@@ -40,14 +41,6 @@ def make() -> Problem:
             singular=distances,
             invariants=kept.values(),
         ),
-        orbits=(
-            Orbit(
-                "simo",
-                (x, y, -x, -y, 0.0, 0.0),
-                (-u / 2, -v / 2, -u / 2, -v / 2, u, v),
-                f"period {PERIOD:.11g}",
-                TIMES,
-            ),
-        ),
+        orbits=(Orbit("simo", where, (-u / 2, -v / 2, -u / 2, -v / 2, u, v), f"period {PERIOD:.11g}", TIMES),),
         invariants=kept,
     )
