@@ -89,15 +89,12 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def _stops() -> tuple[type[Exception], ...]:
-    return (ArithmeticError, ValueError, np.linalg.LinAlgError, load().exception_types.FailedToMeetTolerances)
-
-
 def _run_constant(which: str) -> Callable[[Task], Run]:
     def run(task: Task) -> Run:
         # With a negative step the Richardson integrators never end their search for an error estimate.
         state, h, steps, size = task.state, np.float64(abs(task.h)), 0, 2 * len(task.q)
-        rhs, stops = _right_hand_side(task.system, np.sign(task.h)), _stops()
+        rhs = _right_hand_side(task.system, np.sign(task.h))
+        stops = ArithmeticError, ValueError, np.linalg.LinAlgError, load().exception_types.FailedToMeetTolerances
         rhs(0.0, state)
         rhs.nfev = 0
 
@@ -175,11 +172,7 @@ def _peer(
     symplectic: bool = False,
     adaptive: bool = False,
 ) -> Peer:
-    """Make the record of desolver's integrator class ``which``.
-
-    ``order`` is the measured order, ``claim`` the order that the class states, if it differs, ``symplectic`` its
-    statement about that property.
-    """
+    """The record of desolver's integrator class ``which``; ``claim`` is the order that it states, if it differs."""
     richardson = which.startswith(RICHARDSON)
     class_name = which.removeprefix(RICHARDSON)
     attributes = f"{class_name}.symplectic, which its Richardson extrapolation takes over" if richardson else class_name

@@ -75,10 +75,9 @@ def _potential(system: Hamiltonian) -> Any:
 
 
 def _timed(integrator: str, task: Task, limit: str, build: Callable[[dict], Callable]) -> tuple[Any, float, str | None]:
-    """Run a task: (its rows as gala returns them, array (n, components of w), or None; seconds; failure or None).
+    """Run a task by gala's call, which ``build(options)`` makes: (rows w or None, seconds, failure or None).
 
-    ``build(options)`` returns gala's call, which takes its times; options are keyword arguments of gala, of which
-    ``limit`` is the largest number of steps.
+    ``limit`` is the name of gala's option for the largest number of steps.
     """
     times, options, rows = {"dt": task.h, "n_steps": task.steps}, {}, task.numbers
     if integrator == DOPRI853:
@@ -106,7 +105,8 @@ def _run_python(integrator: str) -> Callable[[Task], Run]:
             return field(t, w[:, 0])[:, None]
 
         def accelerations(t: float, w: np.ndarray) -> np.ndarray:
-            return np.concatenate([w[d:], (masses[1] @ function(t, w)[d:, 0])[:, None]])
+            calls[0] += 1
+            return np.concatenate([w[d:], (masses[1] @ field(t, w[:, 0])[d:])[:, None]])
 
         def build(options: dict[str, Any]) -> Callable:
             solver = _class(integrator)(function if masses is None else accelerations, **options)

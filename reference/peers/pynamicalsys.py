@@ -34,16 +34,11 @@ if TYPE_CHECKING:
 PIECE = 16_384
 #: Most degrees of freedom for which the Hessian of H is compiled; it has 4 d^2 entries.
 LARGEST = 20
-CANONICAL = "its equations are q' = dH/dp and p' = -dH/dq: the variables must be canonical"
 
 
 @lru_cache(maxsize=128)
 def _functions(system: Hamiltonian, implicit: bool) -> dict[str, Callable[..., Any]]:
-    """Compile the functions that pynamicalsys calls: a dict of keyword arguments of its ``HamiltonianSystem``.
-
-    They are the equations of motion and the Hessian of H if the method is ``implicit``, else the gradients of T and V,
-    on arrays (d,) of q, p or both; their last argument, parameters, is unused.
-    """
+    """Compile the functions on arrays (d,) that pynamicalsys calls, as arguments of its ``HamiltonianSystem``."""
     import numba
     from numba import types
 
@@ -153,9 +148,8 @@ def _build_prepare(name: str, implicit: bool) -> Callable[[Task], Calls]:
 
 
 def _lack_of_midpoint(problem: Any, system: PartitionedSystem) -> str | None:
-    """The `Peer.lacks` of the midpoint rule: a reason if it cannot run on a system, else None."""
     if not system.canonical:
-        return CANONICAL
+        return "its equations are q' = dH/dp and p' = -dH/dq: the variables must be canonical"
     return f"it takes the Hessian of H, compiled up to d = {LARGEST}" if system.d > LARGEST else None
 
 

@@ -74,27 +74,20 @@ def _callbacks(system: Hamiltonian) -> tuple[Callable[..., int], Callable[..., i
 
     d, (gradient, rate), array = system.d, split_gradients(system), core.N_VGetArrayPointer
 
-    @numba.njit("void(float64[::1], float64[::1])", error_model="numpy")
-    def force(y: np.ndarray, out: np.ndarray) -> None:
-        slope = gradient(y)
-        for i in range(d):
-            out[d + i] = -slope[i]
+    def callback(gradient: Callable, first: int, sign: float) -> Callable[..., int]:
+        @numba.njit("void(float64[::1], float64[::1])", error_model="numpy")
+        def fill(y: np.ndarray, out: np.ndarray) -> None:
+            slope = gradient(y)
+            for i in range(d):
+                out[first + i] = sign * slope[i]
 
-    @numba.njit("void(float64[::1], float64[::1])", error_model="numpy")
-    def velocity(y: np.ndarray, out: np.ndarray) -> None:
-        speed = rate(y)
-        for i in range(d):
-            out[i] = speed[i]
+        def side(t: float, y: Any, slope: Any, data: Any) -> int:
+            fill(array(y), array(slope))
+            return 0
 
-    def of_p(t: float, y: Any, slope: Any, data: Any) -> int:
-        force(array(y), array(slope))
-        return 0
+        return side
 
-    def of_q(t: float, y: Any, slope: Any, data: Any) -> int:
-        velocity(array(y), array(slope))
-        return 0
-
-    return of_p, of_q
+    return callback(gradient, d, -1.0), callback(rate, 0, 1.0)
 
 
 def _integrator(method: str, compensated: bool, system: Hamiltonian, state: np.ndarray, h: float) -> tuple[Any, Any]:
