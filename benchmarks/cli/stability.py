@@ -18,9 +18,8 @@ def stability(
         parameters = pairs(param, "--param")
         with compilation_shown(not as_json):
             from phasebench.benchmarks.measure import oscillator
-            from phasebench.benchmarks.measure.integrator import integrator
 
-            found = oscillator.row(integrator(method, parameters=parameters))
+            found = oscillator.stability(method, parameters=parameters).row()
     if as_json:
         print_json(found)
     else:

@@ -46,10 +46,8 @@ class Truth:
 
     Attributes
     ----------
-    t : the time
-    texts : the components of (q, p) as 2 d decimal strings
-    uncertainty : of the state, in the max norm
-    horizon : the last time up to which errors of trajectories are meaningful
+    t, texts : the time; the components of (q, p) as 2 d decimal strings
+    uncertainty, horizon : of the state, in the max norm; the last time to which errors of trajectories are meaningful
     source : "stored" in the orbit's certificate, or "computed" now since no certificate has this time
     """
 
@@ -60,21 +58,16 @@ class Truth:
     source: str
 
     def error(self, state: np.ndarray) -> float:
-        """Return the max norm of ``state`` minus the true state; ``state`` is (q, p), an array (2 d,) of doubles.
-
-        Differences are taken in 50 decimal digits, so that they have no round-off.
-        """
+        """Return the max norm of ``state``, (q, p) as an array (2 d,), minus the true state, without round-off."""
         with localcontext(prec=50):
             return float(max(abs(Decimal(float(x)) - Decimal(y)) for x, y in zip(state, self.texts, strict=True)))
 
 
 @cache
 def truth(scene: str) -> Truth:
-    """Return the true state of a scene's orbit at the scene's end or, if it is chaotic, at the last time it is known.
+    """Return the true state of a scene (its id) at its end or, if the orbit is chaotic, the last known one.
 
-    ``scene`` is the id of a scene: a problem on an orbit with a time span and steps.  The state is a stored one of the
-    orbit's certificate; for a chaotic orbit it is the last one before the scene's end and before the horizon, the time
-    to which a reference can follow the orbit.  If no such state is stored, the one at the scene's end is computed now.
+    It is the last one stored before the scene's end and the horizon; if there is none, that at the end is computed.
     """
     wanted = BY_ID[scene]
     problem = problem_of(wanted.problem)
@@ -98,12 +91,7 @@ def _compute_truth(problem: Problem, t: float) -> Truth:
 
 
 def head(scene: Scene, problem: Problem, chosen: Method | Peer, kind: str, *packages: str) -> dict[str, Any]:
-    """Return the first columns of a row of results, name -> value: what was integrated, by what, with which versions.
-
-    ``scene`` says to which time the problem is integrated, ``chosen`` is the method or the peer (an integrator of
-    another package), ``kind`` its origin; the versions are those of phasebench, NumPy, Numba and the further
-    ``packages``.
-    """
+    """Return the first columns of a row: what was integrated by ``chosen`` of origin ``kind``, with which versions."""
     used = ("phasebench", "numpy", "numba", *packages)
     return {
         "scene": scene.id,
@@ -124,12 +112,10 @@ def end_state(solution: Solution | Reference, row: int = -1) -> np.ndarray:
 
 
 def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]:
-    """Return columns of a row of results, name -> value, with a solution's error against the true state of its orbit.
+    """Return columns of a row, name -> value, with a solution's error against the true state of its orbit.
 
-    ``scene`` says which problem and orbit were integrated, and to which time.  The columns are ``reference_horizon``
-    (the time up to which errors are meaningful), ``reference_uncertainty``, ``global_error`` (max norm) and
-    ``global_error_time``, and ``reference`` if the true state is computed, not stored.  Only ``reference_horizon`` is
-    returned if no row of the solution has the time of the true state, or if this time is past the horizon.
+    Only ``reference_horizon`` is returned if no row of the solution has the time of the true state, or if this time is
+    past the horizon.
     """
     true = truth(scene.id)
     out: dict[str, float | str] = {"reference_horizon": true.horizon}
@@ -142,12 +128,10 @@ def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]
 
 
 def invariants(problem: Problem, solution: Solution, t_end: float) -> dict[str, float]:
-    """Return columns of a row of results, name -> value, with a solution's errors of the energy and the invariants.
+    """Return columns of a row, name -> value, with a solution's errors of the energy and the invariants.
 
-    The columns are ``energy_max``, the largest absolute error; ``energy_end``, the last error; ``energy_max_early``,
-    the largest over the first part of the span (the share `EARLY` of it); ``energy_drift``, the secular slope, with its
-    95 % interval from ``energy_drift_low`` to ``energy_drift_high``; and ``NAME_max`` for each invariant.  What cannot
-    be computed (too few rows, a failed run) is left out.
+    ``energy_max_early`` is the largest over the first part of the span (the share `EARLY`); ``energy_drift`` the
+    secular slope, with its 95 % interval.  What cannot be computed (too few rows, a failed run) is left out.
     """
     out: dict[str, float] = {}
     H = problem.system.observe(problem.system.H, solution.q, solution.p)

@@ -13,6 +13,7 @@ If the orbit is retrograde at the start, z and :math:`n_z` have the other sign: 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,18 +34,12 @@ Vectors = Callable[..., np.ndarray]
 
 
 def position(problem: Problem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Return the position of a body relative to the central body at n times, array (n, 3).
-
-    ``body`` is its index (0: the central one); q has shape (n, d), body after body.  problem and p are not used.
-    """
+    """Return the position of a body, by its index, relative to the central one: array (n, 3)."""
     return q[:, SPACE * body : SPACE * (body + 1)] - q[:, :SPACE]
 
 
 def _cartesian(name: str, component: int) -> Callable:
-    """Make the function (problem, body, q, p) -> array (n,) of one coordinate or velocity component of a body.
-
-    ``component`` is 0-2 for x, y, z and 3-5 for vx, vy, vz, in the frame of the table of bodies.
-    """
+    """The function (problem, body, q, p) -> (n,) of x, y, z (0-2) or vx, vy, vz (3-5) in the table's frame."""
     axis = component % SPACE
 
     def value(problem: PlanetarySystem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -87,25 +82,20 @@ KINDS: dict[str, tuple[str, str, Callable, bool]] = {
 }
 
 
-def of_body(name: str, body: int, kind: str) -> Quantity:
-    """Make the `Quantity` that measures ``kind`` (a key of `KINDS`, such as "longitude") of a body at a run's end.
-
-    ``name`` and ``body`` are the body's name and index.
-    """
-    about, unit, value, angle = KINDS[kind]
-
-    def values(problem: PlanetarySystem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return value(problem, body, q, p)
-
-    return Quantity(f"{name}.{kind}", f"of {name} {about}, at the end", unit, values, angle=angle)
-
-
 def of_bodies(problem: Problem) -> Iterator[Quantity]:
     """Yield a `Quantity` for every body and kind (longitude, distance, x, ...) of a problem; none without bodies."""
     found = getattr(problem, "bodies", None)
     for body, name in enumerate(found.names if found is not None else ()):
-        seen = KINDS if body else CARTESIAN if found.frame != HELIOCENTRIC else ()
-        yield from (of_body(name, body, kind) for kind in seen)
+        for kind in KINDS if body else CARTESIAN if found.frame != HELIOCENTRIC else ():
+            about, unit, value, angle = KINDS[kind]
+            values = partial(_of_rows, value, body)
+            yield Quantity(f"{name}.{kind}", f"of {name} {about}, at the end", unit, values, angle=angle)
+
+
+def _of_rows(
+    value: Callable, body: int, problem: PlanetarySystem, t: np.ndarray, q: np.ndarray, p: np.ndarray
+) -> np.ndarray:
+    return value(problem, body, q, p)
 
 
 def body_of(problem: Problem, quantity: Quantity) -> str | None:

@@ -30,8 +30,7 @@ class Residuals:
 
     Attributes
     ----------
-    worst : the largest residual, in absolute value
-    term : the largest of the law's two terms, the density's change and the flux difference
+    worst, term : the largest residual, and the largest of the law's two terms, in absolute value
     unit : the size of one unit of round-off of the residual
     """
 
@@ -40,17 +39,14 @@ class Residuals:
     unit: float = 0.0
 
     def add(self, terms: tuple[np.ndarray, np.ndarray], unit: float) -> None:
-        """Include one step: ``terms`` are the density's change and the flux difference, arrays (N,) over the cells.
-
-        ``unit`` is the size of one unit of round-off in this step.
-        """
+        """Include a step: the density's change and the flux difference, arrays (N,), and the unit of round-off."""
         change, flow = terms
         self.worst = max(self.worst, float(np.abs(change + flow).max()))
         self.term = max(self.term, float(np.abs(change).max()), float(np.abs(flow).max()))
         self.unit = max(self.unit, unit)
 
     def row(self, name: str) -> dict[str, float]:
-        """Return the columns of a row for the law ``name``: its residual, its largest term and the round-off unit."""
+        """Return the columns of a row for the law ``name``."""
         return {name: self.worst, f"{name}, largest term": self.term, f"{name}, round-off": self.unit}
 
 
@@ -60,10 +56,9 @@ def steepest(space: Division) -> float:
 
 
 def step_flux(scheme: Scheme, flux: Callable, *stages: np.ndarray) -> np.ndarray:
-    """Return the flux of a step: the weighted sum of the stages' fluxes, or the flux of the stages' weighted mean.
+    """Return the flux of a step: the weighted sum of the stages' fluxes or, if ``scheme.means``, that of their mean.
 
-    It is the flux of the mean if ``scheme.means``.  ``flux`` is a function of as many fields as there are ``stages``,
-    which are arrays with the stages along the first axis.
+    ``flux`` is a function of as many fields as there are ``stages``, arrays with the stages along the first axis.
     """
     if scheme.means:
         return flux(*(np.tensordot(scheme.b, x, 1) for x in stages))
@@ -71,11 +66,7 @@ def step_flux(scheme: Scheme, flux: Callable, *stages: np.ndarray) -> np.ndarray
 
 
 def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the terms (density's change, flux difference) of the multisymplectic law, arrays (N,) over mesh cells.
-
-    ``pair`` is two tangents: solutions of the linearized scheme over one step h.  ``space`` is the discretization on N
-    cells.
-    """
+    """Return (density's change, flux difference), arrays (N,) over cells, for a pair of tangents over one step h."""
     u, v = pair
     K = space.equation.K[: space.equation.moving, : space.equation.moving]
 
@@ -89,25 +80,10 @@ def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: 
 def _law(
     space: Division, scheme: Scheme, step: Step, h: float, density: Callable, flux: Callable
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Return (density's change, flux difference) of a law in a step h, arrays (N,) over cells."""
     z, rate = space.lift(step.Y), space.lift(step.T)
     change = (density(space.lift(step.end)) - density(space.lift(step.start))) / h
     return change, space.divergence(step_flux(scheme, flux, z, rate))
-
-
-def energy(space: Division, scheme: Scheme, step: Step, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the terms (density's change, flux difference) of the energy law in a step, arrays (N,) over mesh cells.
-
-    ``space`` is the discretization on N cells, ``step`` one step of the box scheme over the time h, with its stages.
-    """
-    return _law(space, scheme, step, h, space.energy, space.energy_flux)
-
-
-def momentum(space: Division, scheme: Scheme, step: Step, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the terms (density's change, flux difference) of the momentum law in a step, arrays (N,) over mesh cells.
-
-    ``space`` is the discretization on N cells, ``step`` one step of the box scheme over the time h, with its stages.
-    """
-    return _law(space, scheme, step, h, space.momentum, space.momentum_flux)
 
 
 def measure(
@@ -115,11 +91,8 @@ def measure(
 ) -> dict[str, float]:
     """Measure the largest residuals of the discrete conservation laws over ``steps``, and the errors of totals.
 
-    Returns the columns of a row: for each law the largest residual, its largest term and the size of one unit of
-    round-off; the errors of the total energy and of the total ``invariant``, a function of y; the number of steps
-    in which no parameter of the scheme's tableau conserves the energy, and the largest absolute value of the parameter
-    (0 if the scheme has none).  The multisymplectic law is measured on the two tangents (solutions of the linearized
-    scheme) that belong to each step.
+    Returns the columns of a row.  ``invariant`` is a function of y.  The multisymplectic law is measured on the two
+    tangents (solutions of the linearized scheme) that belong to each step.
 
     One unit of round-off is eps (D^2 + 1 / h) times the product of two tangents, and eps D^2 / h times that of two
     values, with D from `steepest`: in the highest mode, the last digit of a value grows by this factor.
@@ -133,8 +106,8 @@ def measure(
             size = np.prod([np.abs(t.start).max() for t in pair])
             laws[name].add(two_form(space, scheme, pair, h), EPS * (D**2 + 1 / h) * size)
         unit = EPS * D**2 / h * np.abs(step.start).max() ** 2
-        laws[ENERGY].add(energy(space, scheme, step, h), unit)
-        laws[MOMENTUM].add(momentum(space, scheme, step, h), unit)
+        laws[ENERGY].add(_law(space, scheme, step, h, space.energy, space.energy_flux), unit)
+        laws[MOMENTUM].add(_law(space, scheme, step, h, space.momentum, space.momentum_flux), unit)
         for y in (step.start, step.end)[bool(kept["energies"]) :]:
             kept["energies"].append(space.total_energy(y))
             kept["invariants"].append(invariant(y))

@@ -28,10 +28,9 @@ __all__ = ["Loop", "compiler", "load_source", "source"]
 
 
 def source(system: Hamiltonian, merged: bool = False) -> str:
-    """Return the C source of ``leapfrog(steps, h, state)``, which updates state = (q, p) by Stormer-Verlet steps.
+    """Return the C source of ``leapfrog(steps, h, state)``, Stormer-Verlet steps on state = (q, p).
 
-    The system's H is separable with a quadratic T; ``merged`` joins the last half kick of a step with the first of the
-    next.
+    H is separable with a quadratic T; ``merged`` joins the last half kick of a step with the first of the next.
     """
     of_V, forces = statements([sp.diff(system.potential, x) for x in system.q], ("q", system.q))
     of_T, velocities = statements([sp.diff(system.kinetic, x) for x in system.p], ("p", system.p))
@@ -63,10 +62,7 @@ void leapfrog(long steps, double h, double *y) {{
 
 
 class Loop:
-    """A problem's compiled Stormer-Verlet loop in C; raises RuntimeError if it does not compile or T is not quadratic.
-
-    ``merged`` joins the last half kick of a step with the first of the next.
-    """
+    """A problem's compiled Stormer-Verlet loop in C; RuntimeError if it does not compile or T is not quadratic."""
 
     def __init__(self, problem: Problem, merged: bool = False) -> None:
         if not getattr(problem.system, "quadratic_kinetic", False):

@@ -35,8 +35,7 @@ class References(TabularResult):
     ----------
     rows : a dict for each orbit: the measured error, the stated uncertainty and horizon (the time up to which rounding
         to long double stays small), the distances of other solvers, the statements that do not hold
-    holds : whether every statement holds and another solver agrees with every state
-    wrong : labels of the orbits with a statement that does not hold
+    holds, wrong : whether every statement holds and every solver agrees; labels of the orbits for which not
     """
 
     rows: tuple[dict[str, Any], ...]
@@ -137,18 +136,24 @@ def certify(
     if t_end is not None:
         if len(names) != 1:
             raise InvalidInput("t_end certifies one problem: name one, as id or id:orbit")
-        return _state(names[0], float(t_end), time_limit, progress)
+        made = problem_of(names[0])
+        new = certify_end(made, float(t_end), time_limit, progress)
+        (end,) = new.ends
+        checks = tuple({"solver": c.solver, "distance": c.distance, "uncertainty": c.uncertainty} for c in end.checks)
+        return CertifiedState(
+            *(made.label, end.t, end.q, end.p, end.q_text, end.p_text),
+            *(end.uncertainty, new.horizon, end.agree, checks),
+        )
     outcomes = recheck(labels(names), progress)
     wrong = tuple(o.certificate.problem for o in outcomes if not o.holds)
     return References(tuple(o.row() for o in outcomes), not wrong, wrong)
 
 
 def recheck(names: Sequence[str], progress: Callable[[str], None], update: bool = False) -> list[Outcome]:
-    """Verify the stored reference states of the orbits with these labels ("problem:orbit"): an `Outcome` for each.
+    """Verify the stored reference states of the orbits with these labels: an `Outcome` for each.
 
-    An `Outcome` has the measured errors and the statements that do not hold.  With ``update`` the states are computed
-    anew instead, and each orbit's are stored as soon as all statements on them hold.  ``progress`` is called with each
-    label before its orbit is measured.
+    With ``update`` the states are computed anew instead, and stored as soon as all statements on them hold.
+    ``progress`` is called with each label.
     """
     from phasebench.reference.certificates import check, make, stored
 
@@ -163,10 +168,7 @@ def recheck(names: Sequence[str], progress: Callable[[str], None], update: bool 
 
 
 def certify_end(made: Problem, t_end: float, time_limit: float, progress: Callable[[str], None]) -> Certificate:
-    """Certify the state of a problem at the time ``t_end``, within ``time_limit`` seconds.
-
-    ``progress`` is called with lines of text.  Raises InvalidInput if the state cannot be certified in this time.
-    """
+    """Certify the state at ``t_end`` within ``time_limit`` seconds; raise InvalidInput if that cannot be done."""
     from phasebench.reference.certificates import make
     from phasebench.reference.solvers import watch
     from phasebench.reference.solvers.taylor import ReferenceFailed
@@ -183,18 +185,3 @@ def certify_end(made: Problem, t_end: float, time_limit: float, progress: Callab
         raise InvalidInput(f"{made.label} cannot be certified to {t_end:g} in {limit}: {late}") from None
     except ReferenceFailed as error:
         raise InvalidInput(f"{made.label} cannot be certified to {t_end!r}: {error}") from None
-
-
-def _state(name: str, t_end: float, time_limit: float, progress: Callable[[str], None]) -> CertifiedState:
-    """Certify the state of the problem ``name`` at ``t_end`` and return it as a `CertifiedState`.
-
-    ``time_limit`` is in seconds; ``progress`` is called with lines of text.
-    """
-    made = problem_of(name)
-    new = certify_end(made, t_end, time_limit, progress)
-    (end,) = new.ends
-    checks = tuple({"solver": c.solver, "distance": c.distance, "uncertainty": c.uncertainty} for c in end.checks)
-    return CertifiedState(
-        *(made.label, end.t, end.q, end.p, end.q_text, end.p_text),
-        *(end.uncertainty, new.horizon, end.agree, checks),
-    )

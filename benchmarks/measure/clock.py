@@ -45,8 +45,7 @@ class Sharing:
 
     Attributes
     ----------
-    readings : number of all time measurements
-    repeated : number of measurements found disturbed, which are repeated if repetitions are left
+    readings, repeated : number of all measurements, and of those found disturbed
     disturbed : number of integrations whose last repetition was still disturbed
     """
 
@@ -72,8 +71,7 @@ class Clock:
     ----------
     run : a prepared (compiled) run, with the methods ``restart(q, p)`` and ``advance(*size)``
     size : the arguments of ``advance``: (h, steps), or (t_end,) if the integrator is adaptive
-    start : the initial state (q0, p0), arrays (d,)
-    sharing : counts the measurements that other processes disturbed
+    start, sharing : the initial state (q0, p0), arrays (d,); counts of disturbed measurements
     """
 
     run: Any
@@ -99,16 +97,12 @@ class Clock:
         return seconds
 
     def _is_undisturbed(self, shared: bool) -> bool:
-        """Count a time measurement, and return ``not shared``: True unless other processes shared the core."""
         self.sharing.readings += 1
         self.sharing.repeated += shared
         return not shared
 
     def _warm(self) -> tuple[float, bool]:
-        """Time a first run (a second, if it is short), and choose from it how many runs are timed together later.
-
-        Returns (seconds, True if other processes shared the core).
-        """
+        """Time a first run (a second, if it is short), and choose from it how many runs are timed together later."""
         q, p = (np.asarray(x, dtype=float) for x in self.start)
         once, shared = self._reading([(q, p)])
         if once < COLD:
@@ -119,10 +113,7 @@ class Clock:
         return once, shared
 
     def _reading(self, starts: list) -> tuple[float, bool]:
-        """Time a run from each start (q, p).
-
-        Returns (mean seconds of a run, True if other processes shared the core).
-        """
+        """Time a run from each start (q, p): (mean seconds of a run, True if other processes shared the core)."""
         restart, advance, size, spent = self.run.restart, self.run.advance, self.size, 0.0
         clock = time.perf_counter
         thread, wall = time.thread_time(), clock()
@@ -145,10 +136,7 @@ def clock(
     run: PreparedRun | PreparedPeer | None = None,
     sharing: Sharing | None = None,
 ) -> Clock:
-    """Make the timer (`Clock`) of an integrator on a problem to ``t_end``, with a number of steps or a tolerance.
-
-    ``run`` is the integrator's prepared run, None to prepare it now; ``sharing`` counts disturbed measurements.
-    """
+    """Make the timer of an integrator; ``run`` is its prepared run, None to prepare it now."""
     run = integrator.prepare(problem, tol=tol) if run is None else run
     size = (t_end,) if integrator.adaptive else (t_end / steps, steps)
     return Clock(run, size, (problem.q0, problem.p0), Sharing() if sharing is None else sharing)
@@ -163,10 +151,8 @@ def call(
     tol: float | None = None,
     run: PreparedRun | PreparedPeer | None = None,
 ) -> float:
-    """Measure the overhead of calling an integrator: the seconds of a call that integrates almost nothing.
+    """Measure the seconds of a call that integrates almost nothing: one step, or the share `SHORTEST` of the span.
 
-    The call takes one step of size t_end / steps or, if the integrator is adaptive, integrates to the time
-    `SHORTEST` * t_end.
     ``run`` is the integrator's prepared run, None to prepare it now.
     """
     if integrator.adaptive:
@@ -176,13 +162,7 @@ def call(
 
 @dataclass
 class Clocks:
-    """Timers of several integrators on one problem, each integrator prepared once per tolerance.
-
-    Attributes
-    ----------
-    problem, t_end : the problem, and the time to which it is integrated
-    sharing : counts the measurements that other processes disturbed
-    """
+    """Timers of several integrators on one problem to ``t_end``, each integrator prepared once per tolerance."""
 
     problem: Any
     t_end: float
@@ -202,6 +182,6 @@ class Clocks:
         return clock(integrator, self.problem, **size, run=self._runs[key], sharing=self.sharing)
 
     def call(self, integrator: Integrator, *, steps: int | None = None, tol: float | None = None) -> float:
-        """Measure the overhead in seconds of calling an integrator, by a call that integrates almost nothing."""
+        """Measure the seconds of a call of an integrator that integrates almost nothing."""
         size = {"t_end": self.t_end, "steps": steps, "tol": tol}
         return call(integrator, self.problem, **size, run=self._runs.get((integrator.label, tol)))

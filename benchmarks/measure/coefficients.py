@@ -60,10 +60,7 @@ class _Decimal(Fraction):
 
 
 def from_file(path: str) -> OwnStep:
-    """Make the step of a splitting or Runge-Kutta method from a JSON file of coefficients.
-
-    Raises InvalidInput if the file cannot be read or does not hold coefficients.
-    """
+    """Make the step of a JSON file of coefficients; raise InvalidInput if it cannot be read or does not hold them."""
     try:
         record = json.loads(Path(path).read_text(encoding="utf-8"), parse_float=_Decimal)
     except OSError as error:
@@ -74,10 +71,9 @@ def from_file(path: str) -> OwnStep:
 
 
 def own_step(record: object, name: str) -> OwnStep:
-    """Make the step of a splitting or Runge-Kutta method from its coefficients.
+    """Make the step of a splitting or Runge-Kutta method from its coefficients, ``record`` as in a JSON file.
 
-    ``record`` maps "a" and "b", or "A" and "b", to lists of numbers, as in a JSON file; ``name`` becomes the step's id
-    and is named in messages.  Raises InvalidInput for a malformed record.
+    ``name`` becomes the step's id and is named in messages.  Raises InvalidInput for a malformed record.
     """
     if not isinstance(record, Mapping):
         raise InvalidInput(f"{name} is a {type(record).__name__}; {FORM}")
@@ -97,11 +93,10 @@ def is_rounded(number: str) -> bool:
 
 
 def shift(number: str, change: int) -> Fraction:
-    """Return what to add to a rounded number to change its last digit.
+    """Return what to add to a rounded number, as text, to change its last digit, with a sign by the text and `SEED`.
 
-    ``number`` is a decimal or an integer as text.  A decimal is changed by a unit of the last digit that ``change``
-    names, `PRINTED` or `DOUBLES`, an integer by the part `LAST_DIGIT` of it.  The sign of the change depends on the
-    text and on `SEED`.
+    A decimal is changed by a unit of the digit that ``change`` names, `PRINTED` or `DOUBLES`, an integer by
+    `LAST_DIGIT`.
     """
     sign = 1 if zlib.crc32(f"{SEED} {number}".encode()) % 2 else -1
     relative = LAST_DIGIT * Fraction(number)
@@ -197,10 +192,6 @@ def _tableau(record: Mapping[str, Any], name: str, change: int = EXACT) -> Calla
 def _explicit(
     slope: Callable[[np.ndarray], np.ndarray], y: np.ndarray, A: Sequence[Sequence[Fraction]], h: Number
 ) -> list:
-    """Return the stage derivatives k_i of an explicit Runge-Kutta step of size h from y.
-
-    ``slope`` is the vector field, A the tableau's strictly lower triangular matrix, rows of exact fractions.
-    """
     slopes: list = []
     for row in A:
         slopes.append(slope(y + sum(_in(x, h) * k for x, k in zip(row, slopes, strict=False) if x)))
@@ -210,11 +201,7 @@ def _explicit(
 def _implicit(
     slope: Callable[[np.ndarray], np.ndarray], y: np.ndarray, A: Sequence[Sequence[Fraction]], h: Number
 ) -> list:
-    """Return the stage derivatives k_i of an implicit Runge-Kutta step of size h from y, by fixed-point iteration.
-
-    ``slope`` is the vector field, A the tableau's matrix.  The iteration ends when the change no longer falls; raises
-    ArithmeticError if it still falls after `ITERATIONS` iterations.
-    """
+    """The stage derivatives by fixed-point iteration, until the change no longer falls."""
     rows = [[_in(x, h) for x in row] for row in A]
     slopes, last = [slope(y)] * len(A), None
     for _ in range(ITERATIONS):

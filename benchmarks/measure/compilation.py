@@ -67,21 +67,14 @@ def _compiles(name: str) -> bool:
 
 
 def row_failures(rows: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, str]], str]:
-    """Return (the integrators that do not compile, a sentence that names them) from rows of results.
-
-    A row has ``id``, ``kind`` (origin), ``status`` and ``reason``.  Each integrator that does not compile becomes a
-    dict with the keys ``integrator`` and ``why``; the sentence is "" if all compile.
-    """
+    """Return (a dict of ``integrator`` and ``why`` for each that does not compile, a sentence) from rows of results."""
     failed = [Failed(r["id"], r["reason"]) for r in rows if r["status"] == FAILED]
     own = [r["status"] for r in rows if r["kind"] == OURS]
     return [f._asdict() for f in failed], failure_summary(failed, bool(own) and set(own) == {FAILED})
 
 
 def failure_summary(failed: Sequence[Failed], all_own: bool) -> str:
-    """Return a sentence that names the integrators that do not compile, with the first reason; "" if all compile.
-
-    ``all_own`` is True if none of this project's methods that were tried compiled.
-    """
+    """Return a sentence on what does not compile, with the first reason, or ""; ``all_own``: no own method does."""
     if not failed:
         return ""
     names = list(dict.fromkeys(f.integrator for f in failed))

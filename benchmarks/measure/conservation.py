@@ -1,4 +1,4 @@
-"""Conservation of an invariant along a run: its largest error, and the drift of the error with an interval."""
+"""Conservation along a run: the largest error of an invariant, its drift with an interval, and when none is to be."""
 
 from __future__ import annotations
 
@@ -10,22 +10,15 @@ from .drift import drift
 from .metrics import invariant_error
 
 if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 
 def conservation(t: np.ndarray, values: np.ndarray, scale: float) -> dict[str, float]:
-    """Return a row of results, name -> number: the largest error of an invariant along a run, and its drift.
+    """Return a row: the largest error of an invariant along a run and its drift with a 95 % interval.
 
-    Parameters
-    ----------
-    t, values : arrays (n,): equidistant times, and the invariant's values
-    scale : the size of the invariant's terms, which is copied to the row
-
-    Returns
-    -------
-    dict
-        value: the largest absolute error; slope: the drift per unit of time, with the 95 % interval low, high; time:
-        the last time; scale
+    t, values are arrays (n,), equidistant times and the invariant's values; ``scale``, the size of its terms, is
+    copied.
     """
     found, slope = invariant_error(values), drift(t, values - values[0])
     moved = {"slope": slope.value, "low": slope.low, "high": slope.high}
@@ -35,11 +28,26 @@ def conservation(t: np.ndarray, values: np.ndarray, scale: float) -> dict[str, f
 def energy(
     system: PartitionedSystem, t: np.ndarray, q: np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, dict[str, float]]:
-    """Return (H at each row of q and p, array (n,); the dict of its largest error and its drift).
-
-    t has shape (n,), q and p have shape (n, d).  The dict is that of `conservation`, with max |H| + max |p.q'| as the
-    scale.
-    """
+    """Return (H at each row of q and p (n, d); its `conservation`, max |H| + max |p.q'| being the scale)."""
     H = system.observe(system.H, q, p)
     kinetic = sum(system.observe(e, q, p) * p[:, i] for i, e in enumerate(system.dq))
     return H, conservation(t, H, float(np.abs(H).max() + np.abs(kinetic).max()))
+
+
+def energy_error(made: Problem, q: np.ndarray, p: np.ndarray) -> float:
+    """Return the largest |H / H_0 - 1| over states q, p, arrays (n, d), of the problem ``made``; H_0 is the first H."""
+    E = made.system.observe(made.system.H, q, p)
+    return float(np.abs(E / E[0] - 1).max())
+
+
+def too_few_nodes(method: str, system: PartitionedSystem) -> bool:
+    """True if the method of the id "hbvm-k-s" has too few nodes to conserve a system's H; False for other methods.
+
+    HBVM(k, s) conserves polynomials of degree at most 2k/s (L. Brugnano, F. Iavernaro, D. Trigiante, J. Numer. Anal.
+    Ind. Appl. Math. 5 (2010) 17-37).
+    """
+    kind, *sizes = method.split("-")
+    if kind != "hbvm":
+        return False
+    degree = system.polynomial_degree
+    return degree is None or degree > 2 * int(sizes[0]) / int(sizes[1])

@@ -41,10 +41,7 @@ EPS = float(np.finfo(float).eps)
 
 
 def claim_names(problem: Problem) -> list[str]:
-    """Return the names of all properties that a user can demand of an integration of a problem.
-
-    They are "symplectic", "reversible", "energy", "momentum" and the names of the problem's invariants.
-    """
+    """Return the names of all properties that a user can demand of an integration of a problem."""
     return [SYMPLECTIC, REVERSIBLE, ENERGY, MOMENTUM, *problem.invariants]
 
 
@@ -57,8 +54,8 @@ def check(problem: Problem, name: str) -> None:
 def declaration(integrator: Integrator, name: str) -> bool | None:
     """Return whether an integrator is declared to have the property ``name`` (see `claim_names`); None if unknown.
 
-    For a peer (integrator of another package) or a user's own step, "symplectic" and "reversible" are False unless
-    declared, and all other properties are None.  For a method of this project only invariants of the problem are None.
+    For a peer or a user's own step, "symplectic" and "reversible" are False unless declared, and all other properties
+    are None.  For a method of this project only invariants of the problem are None.
     """
     record = integrator.record
     if integrator.kind == OURS:
@@ -75,11 +72,7 @@ def declaration(integrator: Integrator, name: str) -> bool | None:
 
 
 def refusal(integrator: Integrator, conserve: Iterable[str]) -> str | None:
-    """Return a sentence that names those of the demanded properties that an integrator is declared to lack.
-
-    ``conserve`` has the names of the demanded properties (see `claim_names`).  The sentence tells why the integrator is
-    not tried; it is None if no declaration speaks against a trial.
-    """
+    """Return a sentence that names the demanded properties that an integrator is declared to lack, or None."""
     lacking = [name for name in conserve if declaration(integrator, name) is False]
     whose = "its package does not state" if isinstance(integrator.record, Peer) else "it is not declared to keep or be"
     return f"{whose} what has to be conserved: {', '.join(lacking)}" if lacking else None
@@ -88,12 +81,8 @@ def refusal(integrator: Integrator, conserve: Iterable[str]) -> str | None:
 def broken(integrator: Integrator, ask: Ask, size: dict) -> str | None:
     """Run an integrator and return a sentence on the first demanded property that fails; None if none does.
 
-    Symplecticity is measured for fixed steps, reversibility not at all; invariants are compared over the run's rows.
-
-    Parameters
-    ----------
-    ask : the user's question: ``conserve`` (demanded properties, see `claim_names`), ``problem`` and ``t_end``
-    size : the accuracy of the run, {"steps": number} or {"tol": tolerance}
+    ``size`` is {"steps": number} or {"tol": tolerance}.  Symplecticity is measured for fixed steps, reversibility not
+    at all; invariants are compared over the run's rows.
     """
     names = [name for name in ask.conserve if name not in (SYMPLECTIC, REVERSIBLE)]
     for name, (error, bound) in _errors(integrator, ask, size, names).items():
@@ -107,11 +96,7 @@ def broken(integrator: Integrator, ask: Ask, size: dict) -> str | None:
 
 
 def expressions(problem: Problem, name: str) -> dict[str, sp.Expr]:
-    """Return the invariants that a demanded property ``name`` stands for, name -> SymPy expression.
-
-    "energy" stands for H, "momentum" for all invariants of the problem of the form q.D p + b.p, and the name of an
-    invariant for itself.
-    """
+    """Return name -> invariant for a demanded property: H, all invariants q.D p + b.p, or the one of this name."""
     if name == ENERGY:
         return {ENERGY: problem.system.H}
     if name != MOMENTUM:
@@ -131,11 +116,7 @@ def _bilinear(expression: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol
 
 
 def _errors(integrator: Integrator, ask: Ask, size: dict, names: Iterable[str]) -> dict[str, tuple[float, float]]:
-    """Run an integrator; return invariant -> (largest error over the rows, bound of the error by round-off).
-
-    ``ask`` has the problem and t_end, ``size`` the number of steps or the tolerance; ``names`` are the demanded
-    properties (see `expressions`).  If the run fails, the error is infinite.
-    """
+    """Run it; return invariant -> (largest error over the rows, infinite if it fails; bound by round-off)."""
     wanted = {k: e for name in names for k, e in expressions(ask.problem, name).items()}
     if not wanted:
         return {}
@@ -154,21 +135,17 @@ def _errors(integrator: Integrator, ask: Ask, size: dict, names: Iterable[str]) 
 
 
 def rows(size: dict) -> dict:
-    """Return the keyword arguments of `Integrator.run` for a run with about `ROWS` saved rows.
-
-    ``size`` is the accuracy of the run, {"steps": number} or {"tol": tolerance}.
-    """
+    """Return the keyword arguments of `Integrator.run` for about `ROWS` saved rows, with ``size`` as in `broken`."""
     if "steps" in size:
         return size | {"save_every": max(1, size["steps"] // ROWS)}
     return size | {"steps": ROWS, "save_every": 1}
 
 
 def symplecticity_defect(integrator: Integrator, problem: Problem, h: float) -> float:
-    """Return max |M^T J M - J| for the Jacobian M of a step of size h at the initial state, with q and p scaled.
+    """Return max |M^T J M - J| for the Jacobian M of a step h at the start, q and p in units of their sizes.
 
-    q and p are in units of their largest components over a few steps.  The result is 0 if finite differences cannot
-    resolve it (two displacements give different values, or a step fails).  A planetary system is reduced to its massive
-    bodies, since the momenta of test particles cannot be displaced.
+    It is 0 if finite differences cannot resolve it (two displacements give different values, or a step fails).  Of a
+    planetary system massive bodies count alone, since the momenta of test particles cannot be displaced.
     """
     if hasattr(problem, "massive"):
         problem = problem.massive()

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
+from phasebench.benchmarks.judge.evidence import NO_DEFECT
 from phasebench.integrators.compile.codegen import precision
 
 from . import multiprecision
@@ -14,6 +15,10 @@ from .battery import expected_order
 
 #: Measured property -> the attribute of `Method` that declares it.
 PROPERTIES = {"symplecticity": "symplectic", "symmetry": "symmetric", "volume": "keeps_volume"}
+#: Above this order the defect of a step is so small that only the digits in which it is measured set a bound.
+HIGH = 8
+#: A processor of many stages is even in h to a high order, so that a processed method is nearly symmetric.
+NEARLY = 1e-25
 
 
 class Keys(UserList):
@@ -53,6 +58,19 @@ def structure(method: str, property: str) -> dict:
     declared = getattr(multiprecision.methods()[method], PROPERTIES[property])
     defect = max(_measured(property, method, system) for system in systems)
     return {"declared": declared, "defect": defect, "systems": ", ".join(systems)}
+
+
+def least_visible(label: str, name: str) -> float:
+    """Return the least defect of a step that shows that a method (by its label) lacks a property of `PROPERTIES`.
+
+    A smaller one may be an error of the measurement.
+    """
+    method = multiprecision.methods().get(label)
+    if method is None:
+        return NO_DEFECT
+    if method.order > HIGH:
+        return 10.0 ** (-multiprecision.digits(method) / 2)
+    return NEARLY if name == "symmetry" and method.family == "processed" else NO_DEFECT
 
 
 def _measured(what: str, label: str, system: str) -> Any:

@@ -73,11 +73,7 @@ class Section(sections.Section):
         return pd.DataFrame({"orbit": self.orbit, "t": self.t} | {x: states[:, k] for k, x in enumerate(self.names)})
 
     def plot(self) -> Figure:
-        """Return a figure of the crossings in the plane of a coordinate and its momentum.
-
-        The section fixes a coordinate q_i or its momentum p_i; drawn are the first q_k and p_k with k other than i.
-        Raises InvalidInput for d = 1.
-        """
+        """Return a figure of the crossings (`figures.section`); raises InvalidInput for d = 1."""
         from . import figures
 
         return figures.section(self)
@@ -195,7 +191,6 @@ def section(
 
 
 def _fields(found: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass as a dict name -> value."""
     return {f.name: getattr(found, f.name) for f in fields(found)}
 
 
@@ -204,10 +199,7 @@ def _problem(problem: AnyProblem) -> Problem | PartitionedSystem:
 
 
 def _method(method: str | Path | Method | Integrator | Step) -> str | Method | OwnStep:
-    """Return the id or the record of a method of this project, or a user's own step (`OwnStep`).
-
-    Raises InvalidInput for a peer, an integrator of another package.
-    """
+    """The id or record of a method, or a user's step; raises InvalidInput for a peer."""
     if isinstance(method, Method):
         return method
     if isinstance(method, Integrator):
@@ -226,10 +218,7 @@ def _run(
     threads: int | None,
     progress: Callable[[int], None] | None,
 ) -> tuple[np.ndarray, float]:
-    """Integrate the orbits by a method or, one after the other, by a user's own step.
-
-    Returns (boolean array: which orbits ran in SIMD lanes, several side by side in one vector register; seconds).
-    """
+    """Returns (boolean array: which orbits ran in SIMD lanes; seconds)."""
     if not isinstance(method, OwnStep):
         return ensemble.run(orbits, lanes, threads, progress)
     if lanes:

@@ -15,8 +15,8 @@ Source: Hairer, Lubich & Wanner, Geometric Numerical Integration (2006), V.1 and
 from __future__ import annotations
 
 import time
+from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING
 
 import mpmath
 import numpy as np
@@ -24,20 +24,16 @@ import sympy as sp
 
 from phasebench.benchmarks.judge.evidence import GATE
 from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, precision, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from phasebench.integrators.values.kinds import Number
 
 from . import metrics, step_map
 from .multiprecision import DIGITS, MULTISTEP_LADDER, SPAN, advance, digits, flow, observed_order, retraction
-
-if TYPE_CHECKING:
-    from fractions import Fraction
-
-    from phasebench.benchmarks.problems.base import Problem
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
-    from phasebench.integrators.values.kinds import Number
 
 #: A method is exact if its error is at most `EXACT` units of round-off plus `DOUBTS` times the reference's uncertainty.
 EXACT, DOUBTS = 1e6, 10
@@ -61,10 +57,7 @@ def build(name: str) -> Problem:
 
 @cache
 def _at(name: str, places: int) -> tuple[PartitionedSystem, np.ndarray, mpmath.mpf]:
-    """(System, a state (2 d,) on its orbit `LATER` units of time after the start, unit of time), in multiprecision.
-
-    ``places``, the working digits, only tells cached results apart.
-    """
+    """(System, state (2 d,) on its orbit `LATER` units of time after the start, unit of time), in ``places`` digits."""
     made = build(name)
     unit = mpmath.mpf(made.pace.unit)
     start, retract = vector([*made.q0, *made.p0]), retraction(made.system)
@@ -95,10 +88,7 @@ def _parts(chosen: Method, system: PartitionedSystem, y: np.ndarray) -> int:
 
 
 def _order(chosen: Method, name: str) -> dict:
-    """The order over `SPAN` units of time, or over a smaller time if it is off there: two error terms may compete.
-
-    If the errors are no larger than round-off, there is only ``order_reason``, "exact".
-    """
+    """The order over `SPAN` units of time, or fewer if it is off there; only "exact" if errors are round-off."""
     system, y, unit = _at(name, mpmath.mp.dps)
     parts = _parts(chosen, system, y)
     counts = LADDER if chosen.one_step else tuple(n * chosen.earlier for n in MULTISTEP_LADDER)
@@ -190,10 +180,7 @@ def _unmeasured(name: str, chosen: Method, system: PartitionedSystem) -> str:
 
 
 def row(method: str, problem: str) -> dict:
-    """Order, defects and errors of a method on a problem, each a number or the reason why there is none.
-
-    This runs in a process without Numba, which compiles nothing.
-    """
+    """Order, defects and errors of a method on a problem, or why there is none; in a process without Numba."""
     chosen = BY_ID[method]
     found = {"declared_order": chosen.order, "symplectic": chosen.symplectic, "symmetric": chosen.symmetric}
     found |= {"energy_class": chosen.energy, "quadratic_class": chosen.quadratic}

@@ -47,8 +47,7 @@ class Extreme:
     Attributes
     ----------
     first : the first finite value, or None
-    worst : the largest absolute deviation so far; None until there are two finite values
-    end : the signed deviation of the last finite value; None until there are two
+    worst, end : the largest absolute, and the last signed deviation; None until there are two finite values
     """
 
     def __init__(self) -> None:
@@ -57,7 +56,7 @@ class Extreme:
         self.end: float | None = None
 
     def see(self, values: np.ndarray) -> None:
-        """Update the attributes with the next values along the run, array (n,); non-finite ones are left out."""
+        """Update with the next values along the run, array (n,); non-finite ones are left out."""
         good = values[np.isfinite(values)]
         if self.first is None and len(good):
             self.first, good = float(good[0]), good[1:]
@@ -67,20 +66,14 @@ class Extreme:
 
 
 class Extremes:
-    """The deviations of the energy and of a problem's invariants from their first values along a run.
-
-    Attributes
-    ----------
-    energy : an `Extreme`, the largest and the last deviation of H
-    invariants : name -> `Extreme`
-    """
+    """The deviations (`Extreme`) of the ``energy`` and the ``invariants`` of a problem from their first values."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.energy = problem, Extreme()
         self.invariants = {name: Extreme() for name in problem.invariants}
 
     def see(self, Q: np.ndarray, P: np.ndarray) -> None:
-        """Update the deviations of the energy and the invariants with the next states, arrays (n, d)."""
+        """Update with the next states, arrays (n, d)."""
         if self.problem.system.has_energy:
             self.energy.see(self.problem.system.energies(Q, P))
         for name, extreme in self.invariants.items():
@@ -88,13 +81,7 @@ class Extremes:
 
 
 class WatchedRun(NamedTuple):
-    """A run of which every step was observed.
-
-    Attributes
-    ----------
-    solution : the solution with its saved rows
-    extremes : the largest and last deviations of the energy and the invariants over all steps
-    """
+    """A run of which every step was observed: its solution, and the deviations over all steps."""
 
     solution: Solution
     extremes: Extremes
@@ -111,13 +98,8 @@ def watch(
 ) -> WatchedRun:
     """Run an integrator once on a problem, save some rows, and evaluate the energy and the invariants at every step.
 
-    Of a peer, an integrator of another package, only the rows that it returns are evaluated.
-
-    Parameters
-    ----------
-    every : keep every Nth row, and the last; None: as many rows as there is room for
-    tol, timeout : as in `Integrator.run`
-    common : h, t_end, steps, q0, p0, as in `Integrator.run`
+    Of a peer, an integrator of another package, only the rows that it returns are evaluated.  ``every`` keeps every Nth
+    row, None as many as there is room for; the other arguments are those of `Integrator.run`.
     """
     extremes = Extremes(problem)
     record = integrator.record
@@ -131,10 +113,7 @@ def watch(
 
 
 def _spacing(problem: Problem, every: int | None, common: dict) -> int:
-    """Return the number of steps between saved rows; raise InvalidInput if the rows do not fit in memory.
-
-    ``every`` is the number asked for, None for as many rows as there is room for; ``common`` has h, t_end, steps.
-    """
+    """The number of steps between saved rows; raises InvalidInput if the rows do not fit in memory."""
     d = problem.system.d
     _, steps = grid(common["h"], common["t_end"], common["steps"], common.get("t0", 0.0))
     if every is None:
@@ -148,10 +127,7 @@ def _spacing(problem: Problem, every: int | None, common: dict) -> int:
 
 
 class ThinnedTrajectory(Trajectory):
-    """A trajectory that passes the state after every step to the function ``seen``, and saves every Nth state.
-
-    ``seen`` takes arrays Q, P (n, d) of successive states.
-    """
+    """A trajectory that passes the states (n, d) after all steps to ``seen``, and saves every Nth."""
 
     def __init__(
         self,
@@ -177,10 +153,7 @@ class ThinnedTrajectory(Trajectory):
         return self.status == OK and self.reached < self.steps
 
     def advance(self, run: Layout, pace: Pace) -> None:
-        """Integrate one piece of the run into a buffer, pass its rows to ``seen``, and save every Nth.
-
-        ``run`` is the compiled kernel, ``pace`` has the number of steps of the piece and the time limit.
-        """
+        """Integrate one piece of the run into a buffer, pass its rows to ``seen``, and save every Nth."""
         n = min(len(self._buffer[2]), pace.steps, self.steps - self.reached)
         kept = self.q, self.p, self.parameter, self.filled
         self.q, self.p, self.parameter, self.filled = *self._buffer, 0
@@ -219,11 +192,7 @@ class ThinnedTrajectory(Trajectory):
         self._last[:] = Q[-1], P[-1]
 
     def _telling(self, Q: np.ndarray, P: np.ndarray) -> list[int]:
-        """Return the indices of the states that a judgement of the run needs, even if they are not saved as every Nth.
-
-        Q and P, arrays (n, d), are the states of a piece of the run.  The indices are that of the largest energy error,
-        and that of the first state so close to a singularity that a step could reach it, if there is one.
-        """
+        """The indices of the largest energy error, and of the first state that a step could take into a singularity."""
         found = []
         if self.system.has_energy:
             start = self.system.energies(self.q[:1], self.p[:1])[0]
@@ -302,9 +271,8 @@ def seconds(
 ) -> float:
     """Return the seconds of a run without output after compilation, for comparison with other integrators.
 
-    A short run is repeated without output.  For a run of more than `SHORT` seconds the time is estimated: the seconds
-    of the observed run (``watched``) are multiplied by the ratio of the times that short parts of it take without and
-    with observation.  ``tol`` and ``common`` (h, t_end, steps, q0, p0) are those of the run.
+    A short run is repeated without output.  For a run of more than `SHORT` seconds those of the observed run are
+    multiplied by the ratio of the times that short parts of it take without and with observation.
     """
     solution = watched.solution
     steps, h = solution.counts["steps"], solution.h

@@ -10,7 +10,7 @@ growing, and the phase error has a part linear in time.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from fractions import Fraction
 
 import mpmath
 import numpy as np
@@ -20,9 +20,6 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.coefficients.tableaus import runge_kutta
 from phasebench.integrators.registry import BY_ID, method
 from phasebench.integrators.systems import generating
-
-if TYPE_CHECKING:
-    from fractions import Fraction
 
 #: Working precision; binary places of the integers in `errors`.
 DIGITS, PLACES = 50, 160
@@ -89,11 +86,7 @@ def _number(x: Fraction | float | mpmath.mpf) -> mpmath.mpf:
 
 
 def _parametric(data: tuple, h: mpmath.mpf) -> mpmath.matrix:
-    """Of generating-function steps: ``data`` is (order, substeps).
-
-    A substep (c, mu, lambda) has the length c h and the gradient of the generating function K at (mu q1 + (1 - mu) q0,
-    lambda p1 + (1 - lambda) p0).
-    """
+    """A substep (c, mu, lambda) has the length c h and the gradient of the generating function at these weights."""
     order, substeps = data
     one, total = mpmath.mpf(1), mpmath.eye(2)
     for c, mu, lam in substeps:

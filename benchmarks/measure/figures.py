@@ -23,10 +23,7 @@ HEIGHT = 3.2
 
 @style.styled
 def solution(found: Solution) -> Figure:
-    """Draw a solution in two panels: H - H(0) over time, and the orbit in (q, p), or in (q1, q2) if d > 1.
-
-    Without an energy the first panel has the first coordinate over time.
-    """
+    """Draw H - H(0) (or, without an energy, the first coordinate) over time, and the orbit in (q, p), or (q1, q2)."""
     system, title = found.system, f"{found.method.label}, h = {found.h:.6g}: {found.status}"
     figure, ((left, right),) = style.panels(1, 2, HEIGHT)
     some = slice(None, None, 1 + len(found.t) // POINTS)
@@ -52,8 +49,7 @@ def solution(found: Solution) -> Figure:
 def section(found: Section) -> Figure:
     """Draw the crossings of a Poincare section in the plane of a coordinate and its momentum, coloured by orbit.
 
-    The section fixes a coordinate q_i or its momentum p_i; drawn are the first q_k and p_k with k other than i.  Raises
-    InvalidInput for one degree of freedom.
+    It is the first pair of which the section fixes none.  Raises InvalidInput for one degree of freedom.
     """
     names, d = found.names, found.q.shape[1]
     if d < 2:
@@ -84,6 +80,5 @@ def ensemble(found: Ensemble) -> Figure:
 
 
 def _statuses(status: np.ndarray) -> list[str]:
-    """Return the different statuses among those of the orbits, array (n,), the most frequent first."""
     names, numbers = np.unique(status.astype(str), return_counts=True)
     return [str(names[k]) for k in np.argsort(-numbers)]

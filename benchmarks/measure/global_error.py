@@ -49,9 +49,8 @@ def with_start(
 def end_error(problem: Problem, solution: Solution | SimpleNamespace, span: float) -> dict[str, Any]:
     """Return the error of a solution's last state and the reference used: a dict {global_error, reference}.
 
-    ``global_error`` is the max norm over (q, p); ``span`` is t_end - t0, negative for a run back.  It is None if
-    the reference fails, and past the horizon or with a vague reference unless that resolves the error (`RESOLVED`).
-    ``reference`` is a dict with uncertainty, horizon and source, and with a reason if there is no error.
+    ``global_error`` is the max norm over (q, p), None with a ``reason`` in the reference if that fails, or is past the
+    horizon or vague and does not resolve the error (`RESOLVED`).  ``span`` is t_end - t0, negative for a run back.
     """
     try:
         true = truths.truth(problem, END_STATE, span)
@@ -72,10 +71,7 @@ def _least(why: str, true: Truth) -> str:
 
 
 def orbit_horizon(problem: Problem, t_end: float) -> float:
-    """Return the last time, at most ``|t_end|``, to which a reference in long double can follow the problem's orbit.
-
-    It is read from the orbit's certificate, or computed.
-    """
+    """Return the last time, at most ``|t_end|``, to which a reference in long double follows the orbit."""
     certificate = stored.find(problem) if hasattr(problem, "orbits") else None
     if certificate is not None and 0 < t_end <= certificate.t_end:
         return min(certificate.horizon, t_end)
@@ -83,10 +79,7 @@ def orbit_horizon(problem: Problem, t_end: float) -> float:
 
 
 def past(reach: float, t_end: float) -> str:
-    """Return a sentence that tells why no error of the state at ``t_end`` is given; "" if ``t_end`` <= ``reach``.
-
-    ``reach`` is the orbit's horizon, the last time to which a reference in long double follows the orbit.
-    """
+    """Return a sentence that tells why no error of the state at ``t_end`` is given; "" up to the horizon ``reach``."""
     if t_end <= reach:
         return ""
     return (
@@ -96,10 +89,7 @@ def past(reach: float, t_end: float) -> str:
 
 
 def vague(true: Truth, angle: bool = False) -> str:
-    """Return a sentence that tells how uncertain a reference value is, if it is too uncertain to measure errors with.
-
-    The sentence is "" if the uncertainty of the value is at most `KNOWN` times its size, that of an angle being pi.
-    """
+    """Return a sentence if a reference is less certain than the share `KNOWN` of its size (pi for an angle), or ""."""
     size = pi if angle else float(np.abs(true.values).max())
     if true.uncertainty <= KNOWN * size:
         return ""
@@ -107,10 +97,7 @@ def vague(true: Truth, angle: bool = False) -> str:
 
 
 def known_truth(problem: Problem, wanted: Quantity, t_end: float) -> Truth:
-    """Return the true value of a quantity at ``t_end``, with its uncertainty.
-
-    Raises InvalidInput, with the reason, if the value cannot be computed or is too uncertain to measure errors with.
-    """
+    """Return the true value of a quantity at ``t_end``; raise InvalidInput if it is unknown or too uncertain."""
     try:
         true = truths.truth(problem, wanted, t_end)
         why = "" if wanted.kept else vague(true, wanted.angle)
@@ -126,9 +113,8 @@ def quantity_error(
 ) -> dict[str, Any]:
     """Run an integrator and return the error of a quantity, a dict {quantity, error, uncertainty, unit}.
 
-    The run saves the rows that the quantity needs; ``size`` is {"steps": number} or {"tol": tolerance}.  The error is
-    None, and the dict has a ``reason``, if it is not known (as in `end_error`).  Raises InvalidInput if the quantity
-    needs rows at equidistant times, and the number of steps is not a multiple of their number.
+    ``size`` is {"steps": number} or {"tol": tolerance}.  The error is None, with a ``reason``, if it is not known (as
+    in `end_error`).  Raises InvalidInput for a number of steps that is no multiple of the rows that the quantity needs.
     """
     if "steps" in size and wanted.steps(size["steps"]) != size["steps"]:
         raise InvalidInput(

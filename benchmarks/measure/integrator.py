@@ -43,9 +43,7 @@ AnyProblem = str | Path | Problem | PartitionedSystem
 class Integrator:
     """A method of this project, a peer (integrator of another package) or a user's own step, behind one interface.
 
-    Attributes
-    ----------
-    record : the method with its parameters, the peer, or the user's own step
+    ``record`` is the method with its parameters, the peer, or the user's own step.
     """
 
     record: Method | Peer | OwnStep
@@ -120,7 +118,6 @@ class Integrator:
             self.record.load(self.record.package)
 
     def _refused(self, problem: Any) -> str | None:
-        """Return why a problem rejects the integrator as unsuitable; None if it does not, and for a bare system."""
         return problem.refuses(self.record) if hasattr(problem, "refuses") else None
 
     def lacks(self, problem: Any) -> str | None:
@@ -141,8 +138,7 @@ class Integrator:
     ) -> PreparedRun | PreparedPeer:
         """Make a prepared (compiled) run on a problem, for repeated short calls: ``run(h, steps)`` or ``run(t_end)``.
 
-        Raises InvalidInput for a user's own step, which has none, for a tolerance given to a method with fixed steps,
-        and as `run` does.
+        Raises InvalidInput as `run` does, and for a user's own step, which has none.
         """
         if isinstance(self.record, Peer):
             return prepare_peer(problem, self.record, tol=tol, q0=q0, p0=p0)
@@ -167,8 +163,6 @@ class Integrator:
         timeout: float | None = None,
     ) -> Solution:
         """Integrate ``problem`` and return the solution; the arguments are those of `integrate`.
-
-        An adaptive integrator takes ``tol``, and ``h`` as the spacing of its rows.
 
         A ``timeout`` has no effect on an integrator that is not `stoppable`.  Raises InvalidInput as
         `integrators.driver.integrate` does, and for a tolerance given to an integrator with fixed steps.
@@ -234,7 +228,6 @@ def integrator(
 
 
 def _mapping(parameters: object) -> dict[str, Value]:
-    """Return a method's parameters as a dict, {} for None; raise InvalidInput unless they map names to values."""
     if parameters is None:
         return {}
     if not isinstance(parameters, Mapping) or not all(isinstance(name, str) for name in parameters):
@@ -343,10 +336,7 @@ def prepare(
 
 
 def _problem(problem: Any, method: Integrator, q0: State | None) -> Any:
-    """Return the problem that ``problem`` names; a problem or system, in place of a name, is returned as it is.
-
-    If ``method`` requires a Kepler part, a system gets the one that is found in its H at q0, if there is one.
-    """
+    """The problem, by its name; a bare system gets the Kepler part found at q0 if the method requires one."""
     if isinstance(problem, (str, Path)):
         return problem_of(problem)
     needs = "Kepler part" in getattr(method.record, "requires", ())

@@ -22,12 +22,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike
 
 #: Spacing of the scan, and its end.
 SPACING, LAST = 0.05, 10.0
@@ -46,10 +43,7 @@ HOPELESS = 1e4
 
 
 def is_square(one: np.ndarray, two: np.ndarray) -> bool:
-    """True if the matrix ``two`` of two steps is the square of the matrix ``one`` of a step, up to `SQUARE`.
-
-    Then a step depends on the state alone, and its matrix tells whether it is stable.
-    """
+    """True if the matrix of two steps is the square of that of one: then a step depends on the state alone."""
     return not np.abs(two - one @ one).max() > SQUARE
 
 
@@ -68,10 +62,7 @@ class Stability:
 
     @property
     def limit(self) -> float | None:
-        """The end of the stable interval that begins at z = 0.
-
-        It is 0 if no stable interval begins there, and None if the interval reaches the end of the scan.
-        """
+        """The end of the stable interval from 0; 0 if none begins there, None if it reaches the end of the scan."""
         if not self.intervals or self.intervals[0][0] > 0:
             return 0.0
         end = self.intervals[0][1]
@@ -84,23 +75,21 @@ class Stability:
 
 
 def margins(M: ArrayLike, noise: float = 0.0) -> np.ndarray:
-    """Return Jury's three stability margins of a matrix (2, 2), plus an allowance for round-off and ``noise``.
-
-    They are 1 - tr M + det M, 1 + tr M + det M and 1 - det M, all >= 0 if M is stable; ``noise`` is the error of the
-    entries.
-    """
+    """Return Jury's margins of M (2, 2), plus an allowance for round-off and the error ``noise`` of its entries."""
     M = np.asarray(M, dtype=float)
-    trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     size = np.abs(M).max()
     allowance = (SLACK + NOISY * noise) * (1 + size) + min(ROUNDING * size**2, 1)
-    return np.array([1 - trace + det, 1 + trace + det, 1 - det]) + allowance
+    return jury(M) + allowance
+
+
+def jury(M: np.ndarray) -> np.ndarray:
+    """Return the margins 1 - tr M + det M, 1 + tr M + det M and 1 - det M of a matrix (2, 2), >= 0 if it is stable."""
+    trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
+    return np.array([1 - trace + det, 1 + trace + det, 1 - det])
 
 
 def _with_bounded(three: np.ndarray) -> np.ndarray:
-    """Append to Jury's three margins a fourth, bounded one with the sign of the lesser of the first two: array (4,).
-
-    It keeps its sign at a pole of the trace, where the first two change sign through infinity.
-    """
+    """Append a fourth margin with the sign of the lesser of the first two, which keeps it at a pole of the trace."""
     first, second, _ = three
     product = -1.0 if max(first, second) < 0 else first * second / (first**2 + second**2)
     return np.append(three, product)
@@ -128,10 +117,7 @@ def stability(
     seen: dict[float, tuple[np.ndarray, float]] = {}
 
     def look(z: float) -> tuple[np.ndarray, float]:
-        """Return (the four stability margins, the largest entry of the step's matrix) at z.
-
-        All margins are -1 and the entry is infinite if the step fails.
-        """
+        """(The four margins at z, the largest entry of the matrix); -1 and infinity if the step fails."""
         if z not in seen:
             M = step_matrix(z)
             taken = M is not None and np.isfinite(M).all()
@@ -171,11 +157,7 @@ def multiple_root(f: Callable[[float], float], z: float, reach: float) -> float:
 
 
 def _scan(look: Callable[[float], tuple[np.ndarray, float]], last: float, spacing: float) -> list[float]:
-    """Scan z at multiples of ``spacing`` up to ``last``, and return the values of z that were scanned.
-
-    The scan ends early before the first failed step, and once entries of the step's matrix have exceeded `HOPELESS`
-    over a unit of z.  ``look`` is a function z -> (the four margins, largest entry of the matrix).
-    """
+    """The multiples of ``spacing`` to the first failed step, or until entries exceed `HOPELESS` over a unit of z."""
     scan: list[float] = []
     since = None
     for k in range(1, round(last / spacing) + 1):
@@ -222,12 +204,11 @@ def _with_extrema(f: Callable[[float], float], scan: list[float]) -> list[float]
 
 
 def _grows_from_the_start(at: Callable[[float], np.ndarray], scan: list[float], piece: tuple[float, float]) -> bool:
-    """True if a stable interval ``piece`` = (0, end) is spurious, since the map grows at every step z > 0.
+    """True if a stable interval (0, end) is spurious, since the map grows at every step z > 0.
 
     Near z = 0 the growth of such a map, of which explicit Euler with det M = 1 + z^2 is one, is hidden by the allowance
-    for round-off in the margins.  It is recognized by two signs: det M is nowhere below 1 in the interval, and just
-    beyond the end the map is unstable only because det M > 1.  ``at`` gives the four stability margins at z, ``scan``
-    has the scanned z.
+    for round-off.  Its signs: det M is nowhere below 1 within, and just beyond the end only det M > 1 makes it
+    unstable.
     """
     start, end = piece
     if start > 0 or end >= scan[-1]:

@@ -30,10 +30,7 @@ TERMS, SQUARINGS = 8, 4
 def _derivatives(
     system: PartitionedSystem,
 ) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
-    """Return (f, J), functions of states (q, p) given as an array (2 d, n).
-
-    f gives the vector field, array (2 d, n); J gives its Jacobian, array (n, 2 d, 2 d).
-    """
+    """The vector field (2 d, n) and its Jacobian (n, 2 d, 2 d), functions of states (2 d, n)."""
     variables = [*system.q, *system.p]
     field = sp.Matrix([*system.dq, *system.dp])
     jacobian = field.jacobian(variables)
@@ -48,10 +45,7 @@ def _derivatives(
 
 
 def exponent(system: PartitionedSystem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> float:
-    """Return the largest Lyapunov exponent of an orbit from its rows at times t (n,), q and p (n, d).
-
-    It is in units of 1 / t, and NaN if a row is not finite.
-    """
+    """Return the largest Lyapunov exponent of an orbit from rows t (n,), q and p (n, d); NaN if one is not finite."""
     y = np.concatenate([q, p], axis=1).T
     if not np.isfinite(y).all():
         return float("nan")

@@ -9,12 +9,9 @@ Source: N. R. Draper, H. Smith, Applied Regression Analysis (1998), 1.4 (the int
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike
 
 CONFIDENCE = 0.95
 #: Windows whose slope has a narrower half-interval count as equally good; the longest of them is taken.
@@ -37,8 +34,7 @@ class Order:
     Attributes
     ----------
     value, low, high : the order and its interval
-    first, last : the largest and the smallest h of the window
-    points : number of points in the window; 0, and all else NaN, if fewer than 3 points can be used
+    first, last, points : the largest and the smallest h of the window, and how many; 0, and all else NaN, below 3
     """
 
     value: float
@@ -70,10 +66,7 @@ def slope(x: ArrayLike, y: ArrayLike) -> Slope:
 
 
 def t_value(x: ArrayLike, y: ArrayLike) -> float:
-    """Return the least-squares slope of y on x, arrays (n,) with n >= 3, in its standard errors.
-
-    Raises ValueError for fewer points or if all x are equal.
-    """
+    """Return the least-squares slope of y on x in its standard errors; raises as `slope`."""
     value, error, _ = _line(x, y)
     return float(value / error)
 
@@ -96,23 +89,13 @@ def power(h: ArrayLike, error: ArrayLike) -> Slope:
 
 
 def order(h: ArrayLike, error: ArrayLike, noise: float = 0.0, ceiling: float = np.inf) -> Order:
-    """Return the observed order of convergence of ``error`` as the step h falls, in the asymptotic window.
+    """Return the observed order of convergence of ``error`` as the step h falls, arrays (n,), in the asymptotic window.
 
     A line is fitted to each run of at least 3 neighbouring points; the window is the run with the narrowest interval of
     the slope.  Coarse steps (not yet asymptotic) and fine ones (round-off) bend the line and widen the interval, as do
     fewer points.  Runs whose interval is narrower than +-0.01 count as equal; of these the longest, then the finest, is
-    taken.
-
-    Parameters
-    ----------
-    h, error : arrays (n,), in any order; errors that are not finite or not positive are left out
-    noise : errors up to this (round-off, the uncertainty of the reference) are left out
-    ceiling : errors from this on (saturated: as large as the solution) are left out
-
-    Raises
-    ------
-    ValueError
-        If h and error are not arrays of one length.
+    taken.  Errors that are not finite or not positive, up to ``noise`` (round-off, the uncertainty of the reference) or
+    from ``ceiling`` on (as large as the solution) are left out.  Raises ValueError for arrays of different lengths.
     """
     h, error = np.asarray(h, float), np.asarray(error, float)
     if h.shape != error.shape or h.ndim != 1:

@@ -34,10 +34,7 @@ FAR = 100.0
 
 
 def _angle(y: Callable, x: Callable, name: str, about: str) -> Quantity:
-    """Make the quantity "angle of the direction (x, y) at the end of a run", in radians modulo 2 pi.
-
-    x and y are functions of (problem, q, p); ``name`` and ``about`` are the quantity's name and description.
-    """
+    """The angle of the direction (x, y) at the end; x and y are functions of (problem, q, p)."""
 
     def values(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
         return np.arctan2(y(problem, q[-1:], p[-1:]), x(problem, q[-1:], p[-1:]))

@@ -15,10 +15,7 @@ from .integrator import OURS
 
 
 def successive(errors: Iterable[float], floors: Iterable[float]) -> list[float]:
-    """Return the observed orders log2(e_{k-1} / e_k) from errors e_k at successively halved steps.
-
-    The first order is NaN, and so is each whose error e_k is not above its floor (the size of round-off).
-    """
+    """Return the observed orders log2(e_{k-1} / e_k) at halved steps; NaN for the first and below the floor."""
     found, before = [], np.nan
     for error, floor in zip(errors, floors, strict=True):
         found.append(float(np.log2(before / error)) if error > floor else np.nan)
@@ -27,14 +24,10 @@ def successive(errors: Iterable[float], floors: Iterable[float]) -> list[float]:
 
 
 def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:
-    """Measure the order of convergence of each method on each scene, from rows of results at several steps.
+    """Measure the order of each method on each scene of the purpose "order", from rows of results at several steps.
 
-    A scene is a problem with a time span and steps.  Only rows with status ``ok`` and a fixed step are used, and only
-    those of scenes with the purpose "order".  ``column`` is the name of the column of errors; errors in the noise (up
-    to a hundred times the reference's uncertainty or round-off) are left out.
-
-    Returns a dict for each (scene, method): scene, problem, method, kind (origin), declared order, observed order with
-    its 95 % interval (low, high), and its window of steps (points, h_first, h_last).
+    Only rows with status ``ok`` and a fixed step are used; ``column`` has the errors, of which those in the noise (up
+    to a hundred times the reference's uncertainty or round-off) are left out.  Returns a dict for each (scene, method).
     """
     groups: dict[tuple[str, str], list[dict]] = {}
     for r in rows:

@@ -84,11 +84,9 @@ class Found:
 
     Attributes
     ----------
-    intervals : pairs (from, to) of z in order; ``to`` is None if the interval reaches the end of the scan
+    intervals : pairs (from, to) of z in order; ``to`` is None if the interval reaches the end of the scan, ``scanned``
     touches : values of z inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
-    scanned : end of the scan
-    how : how stability was decided, in words: `TRACE` (trace of the step's matrix), `RUNS` (long runs) or `ROOTS`
-        (roots of a multistep method's polynomials)
+    how : how stability was decided, in words: `TRACE` of the step's matrix, long `RUNS`, or `ROOTS` of polynomials
     reason : why the scan ended early, how the first unstable run failed, or how runs beside a known limit ended; or ""
     """
 
@@ -105,11 +103,6 @@ class Found:
 
 
 @lru_cache(maxsize=1)
-def _oscillator() -> Problem:
-    return problem_of(PROBLEM)
-
-
-@lru_cache(maxsize=1)
 def _on_a_line() -> Problem:
     """Make the oscillator in the plane with the constraint x = y, for methods that require constraints."""
     H = "(u**2 + v**2 + x**2 + y**2)/2"
@@ -121,7 +114,7 @@ def _problem(chosen: Integrator) -> tuple[Any, np.ndarray]:
     """Return (the oscillator, the unit vector (d,) along which it moves), constrained if the integrator needs that."""
     if "constrained" in getattr(chosen.record, "requires", ()):
         return _on_a_line(), np.full(2, 0.5**0.5)
-    return _oscillator(), np.ones(1)
+    return problem_of(PROBLEM), np.ones(1)
 
 
 _last: list = [None, None]
@@ -160,7 +153,7 @@ def matrix(chosen: Integrator, z: float) -> np.ndarray | None:
 
 
 def linear(chosen: Integrator) -> bool:
-    """True if an integrator's step on the oscillator is a linear map of the state alone, so that its matrix decides.
+    """True if a step on the oscillator is a linear map of the state alone, so that its matrix decides.
 
     False for a method that may replace a failed step by a simpler one, which does not conserve what the method claims.
     """
@@ -170,12 +163,11 @@ def linear(chosen: Integrator) -> bool:
         M = matrix(chosen, z)
         if M is None:
             return True
-        other = np.array([0.6, -0.8])
-        two, one = end(chosen, z, 2), end(chosen, z, 1, tuple(other))
+        two, one = end(chosen, z, 2), end(chosen, z, 1, STATES[0])
         if two is None or one is None:
             return False
         size = max(1.0, np.abs(M).max())  # large beside a pole of the trace
-        if np.abs(two - (M @ M)[:, 0]).max() > SAME * size**2 or np.abs(one - M @ other).max() > SAME * size:
+        if np.abs(two - (M @ M)[:, 0]).max() > SAME * size**2 or np.abs(one - M @ STATES[0]).max() > SAME * size:
             return False
     return True
 
@@ -199,10 +191,9 @@ def find(chosen: Integrator) -> Found:
 
 
 def noise(chosen: Integrator, z: float) -> float:
-    """Return the error of the entries of an integrator's step matrix M at z, 0 if a step fails.
+    """Return the error of the entries of a step matrix M at z, 0 if a step fails: the distance of M y from a step of y.
 
-    It is the largest distance between M y and the state after a step from y, for two states y.  It is round-off, except
-    where the substeps of an implicit step amplify the error of its solver.
+    It is round-off, except where the substeps of an implicit step amplify the error of its solver.
     """
     M = matrix(chosen, z)
     images = [end(chosen, z, 1, state) for state in STATES]
@@ -212,11 +203,7 @@ def noise(chosen: Integrator, z: float) -> float:
 
 
 def of_matrix(step_matrix: StepMatrix, noise: Callable[[float], float] = lambda z: 0.0) -> Found:
-    """Find the stable steps z of a linear map from its matrix.
-
-    ``step_matrix`` is a function z -> matrix (2, 2) of a step, None if it fails; ``noise`` is z -> the error of its
-    entries.
-    """
+    """Find the stable steps of a linear map z -> matrix (2, 2), None if a step fails; ``noise``: z -> its error."""
     known = _cache_matrices(step_matrix)
     pieces, scanned = _pieces(known, noise)
     reason = "" if scanned else "no step can be taken"
@@ -231,10 +218,7 @@ def of_matrix(step_matrix: StepMatrix, noise: Callable[[float], float] = lambda 
 
 
 def _pieces(step_matrix: StepMatrix, noise: Callable[[float], float]) -> tuple[list[tuple[float, float]], float]:
-    """Return (stable intervals of z, end of the scan) of a linear map, to scan accuracy.
-
-    A longer and coarser scan follows if the map is stable up to the end of the first.
-    """
+    """(Stable intervals, end of the scan), to scan accuracy; stable up to its end, a longer one follows."""
     first = linear_stability.stability(step_matrix, noise=noise)
     pieces, last = list(first.intervals), linear_stability.LAST
     if not pieces or pieces[-1][1] < last:
@@ -262,8 +246,7 @@ def _margins(step_matrix: StepMatrix, z: float) -> tuple[np.ndarray, float]:
     M = step_matrix(z)
     if M is None or not np.isfinite(M).all():
         return np.full(3, -1.0), 0.0
-    trace, det = np.trace(M), M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
-    return np.array([1 - trace + det, 1 + trace + det, 1 - det]), NOISE * (1 + np.abs(M).max()) ** 2
+    return linear_stability.jury(M), NOISE * (1 + np.abs(M).max()) ** 2
 
 
 def _margin(z: float, step_matrix: StepMatrix, i: int) -> float:
@@ -271,10 +254,7 @@ def _margin(z: float, step_matrix: StepMatrix, i: int) -> float:
 
 
 def _sharp(step_matrix: StepMatrix, z: float, inside: int) -> float:
-    """Refine the end of a stable interval near z: the root of the stability margin that changes sign there.
-
-    ``inside`` is +1 if larger z are stable, -1 if smaller ones are.  Returns z itself if no margin changes sign.
-    """
+    """The root of the margin that changes sign near z, or z; ``inside`` is +1 if larger z are stable, else -1."""
     from scipy.optimize import brentq
 
     away = 1e-9 * z
@@ -309,10 +289,7 @@ def _touches(step_matrix: StepMatrix, a: float, b: float) -> list[float]:
 
 
 def of_runs(chosen: Integrator) -> Found:
-    """Find the steps z = h omega at which an integrator stays bounded on the oscillator, by long runs.
-
-    This is for maps that are not linear, so that no matrix decides.
-    """
+    """Find the steps z at which an integrator stays bounded by long runs, for maps that are not linear."""
     why: list[str] = []
 
     def stays(z: float) -> bool:
@@ -336,10 +313,7 @@ def of_runs(chosen: Integrator) -> Found:
 
 
 def of_roots(chosen: Integrator) -> Found:
-    """Find the stable steps z of a multistep method from the roots of rho(x) + z^2 sigma(x).
-
-    ``reason`` of the result tells how long runs just below and just above the limit ended.
-    """
+    """Find the stable steps of a multistep method from the roots of rho(x) + z^2 sigma(x), and run beside it."""
     intervals = tuple(stable_intervals(Multistep(*chosen.record.data)))
     limit = intervals[0][1] if intervals else 0.0
     ends = []
@@ -349,10 +323,7 @@ def of_roots(chosen: Integrator) -> Found:
 
 
 def _bisect(stays: Callable[[float], bool], good: float, bad: float) -> float:
-    """Return the last stable step between a stable one, ``good``, and an unstable one, ``bad``, by bisection.
-
-    ``stays`` tells whether a step is stable.  The accuracy is relative, `SHARPNESS`, but not better than `LEAST`.
-    """
+    """The last stable step between ``good`` and ``bad``, to the relative accuracy `SHARPNESS`, or `LEAST`."""
     while abs(bad - good) > max(SHARPNESS * max(bad, good), LEAST):
         middle = (good + bad) / 2
         good, bad = (middle, bad) if stays(middle) else (good, middle)
@@ -360,64 +331,23 @@ def _bisect(stays: Callable[[float], bool], good: float, bad: float) -> float:
 
 
 def failure_of_run(chosen: Integrator, z: float, steps: int) -> str:
-    """Return how a run of ``steps`` steps z = h omega on the oscillator failed; "" if it did not.
-
-    It is the status of the run, or "grown" if q or p exceeded `GROWN` times the initial size.
-    """
+    """Return how a run failed: its status, "grown" beyond `GROWN` times the initial size, or ""."""
     s = chosen.run(_problem(chosen)[0], h=z, steps=steps, save_every=max(1, steps // 200))
     if s.status != OK:
         return s.status
     return "grown" if max(np.abs(s.q).max(), np.abs(s.p).max()) > GROWN else ""
 
 
-def row(chosen: Integrator) -> dict:
-    """Return an integrator's stable steps on the oscillator as a dict for JSON, the output of ``phasebench stability``.
-
-    Its keys are method, params (the parameters), limit, intervals, how, touches, scanned and reason; see `Stability`.
-    """
-    found = find(chosen)
-    return {
-        "method": chosen.id,
-        "params": {k: str(v) for k, v in chosen.record.parameters.items()},
-        "limit": found.limit,
-        "intervals": [list(x) for x in found.intervals],
-        "how": found.how,
-        "touches": list(found.touches),
-        "scanned": found.scanned,
-        "reason": found.reason,
-    }
-
-
-@dataclass(frozen=True, repr=False)
-class Stability(TabularResult):
-    """The stable steps of a method on the harmonic oscillator, z = h omega.
-
-    Attributes
-    ----------
-    method, parameters : its id, and the values of its parameters
-    limit : the end of the stable interval that begins at 0; 0 if none begins there, None if its end is beyond the scan
-    intervals : pairs (from, to) in order; ``to`` is None if it lies beyond ``scanned``
-    touches : values inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
-    scanned : the z at which the scan ended
-    how : how stability was decided, in words: by the `TRACE` of the step's matrix, by long `RUNS`, or by the `ROOTS` of
-        a multistep method's polynomials
-    reason : why the scan ended early, how the first unstable run failed, or how runs beside a known limit ended; or ""
-    """
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Stability(TabularResult, Found):
+    """The stable steps of a method, its id, with the values of its parameters: as they were `Found`, and as a table."""
 
     method: str
     parameters: Mapping[str, str]
-    limit: float | None
-    intervals: tuple[tuple[float, float | None], ...]
-    touches: tuple[float, ...]
-    scanned: float
-    how: str
-    reason: str
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return a DataFrame of one row, a column for each attribute; ``params`` has the method's parameters."""
-        import pandas as pd
-
-        line = {
+    def row(self) -> dict[str, Any]:
+        """Return it as a dict for JSON, the output of ``phasebench stability``; ``params`` has the parameters."""
+        return {
             "method": self.method,
             "params": dict(self.parameters),
             "limit": self.limit,
@@ -427,7 +357,12 @@ class Stability(TabularResult):
             "scanned": self.scanned,
             "reason": self.reason,
         }
-        return pd.DataFrame([line]).astype(object)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a DataFrame of one row, the columns of `row`."""
+        import pandas as pd
+
+        return pd.DataFrame([self.row()]).astype(object)
 
     def _heading(self) -> list[str]:
         values = ", ".join(f"{k}={v}" for k, v in self.parameters.items())
@@ -464,9 +399,5 @@ def stability(
         For an unknown method or parameter, an adaptive peer, or a method that cannot integrate the oscillator.
     """
     chosen = integrator(method, parameters=parameters)
-    found = find(chosen)
     values = {k: str(v) for k, v in chosen.record.parameters.items()}
-    return Stability(
-        *(chosen.id, values, found.limit, found.intervals),
-        *(found.touches, found.scanned, found.how, found.reason),
-    )
+    return Stability(**vars(find(chosen)), method=chosen.id, parameters=values)

@@ -58,13 +58,10 @@ class OwnStep:
 
     Attributes
     ----------
-    id : the function's name, or the path of its file
-    step : (system, q, p, h) -> (q, p), see `System`
-    claims : name -> value of claimed properties such as "order" and "symplectic" (`judge.checks.CHECKS`)
-    requires : traits that the system must have, such as "separable"
+    id, step : the function's name, or the path of its file; (system, q, p, h) -> (q, p), see `System`
+    claims, requires : name -> value of claimed properties (`judge.checks.CHECKS`); traits that the system must have
     where : the file of its code, as in a traceback
-    again : path -> the step, a function that reads its file once more when the step is unpickled; None if the step is
-        not from a file
+    again : path -> the step, which reads its file once more when the step is unpickled; None if it is from no file
     changed : the same step with the last digits of its coefficients changed, where it is made from a table
     exchanged : (how a table says so, its step if it begins with the other substep), of a splitting that can
     """
@@ -97,10 +94,7 @@ class OwnStep:
         return self.claims.get("order")
 
     def lacks(self, system: PartitionedSystem) -> str | None:
-        """Return the reason why the step cannot run on ``system``, or None if it can.
-
-        Raises InvalidInput for a required trait that does not exist.
-        """
+        """Return why the step cannot run on ``system``, or None; InvalidInput for a trait that does not exist."""
         for trait in self.requires:
             if trait not in system.traits:
                 raise unknown_name("trait of systems", trait, system.traits)
@@ -210,14 +204,9 @@ def from_function(step: Callable) -> OwnStep:
 
 
 def from_file(path: str | Path) -> OwnStep:
-    """Make an `OwnStep` of a Python file (``./mine.py``, ``./mine.py:object.step``).
+    """Make an `OwnStep` of a Python file (``./mine.py``, ``./mine.py:object.step``) with its CLAIMS and REQUIRES.
 
-    Its ``CLAIMS`` and ``REQUIRES`` are, for ``object.step``, those of the object if it has any, else those of the file.
-
-    Raises
-    ------
-    InvalidInput
-        For a file that cannot be read or raises (with the line), or that has no such step.
+    Raises InvalidInput for a file that cannot be read or raises (with the line), or that has no such step.
     """
     path = str(path)
     owner, step = find_step(path, "step")
@@ -227,13 +216,8 @@ def from_file(path: str | Path) -> OwnStep:
 def find_step(path: str, name: str) -> tuple[Any, Callable]:
     """Load a user's Python file and return (owner, function), the function of a step and what declares its claims.
 
-    The function is that of the path ``./mine.py:object.function``, or ``name`` in the file of the path ``./mine.py``.
-    The owner declares the claims: the object if it has CLAIMS or REQUIRES, else the file's module.
-
-    Raises
-    ------
-    InvalidInput
-        For a file that cannot be read or raises, or that has no such function.
+    The function is that of ``./mine.py:object.function``, or ``name`` in ``./mine.py``.  The owner is the object if it
+    has CLAIMS or REQUIRES, else the module.  Raises InvalidInput as `from_file`.
     """
     file, dotted = user_file.file_and_object(path)
     module = user_file.load(file, "method")
@@ -252,10 +236,7 @@ def find_step(path: str, name: str) -> tuple[Any, Callable]:
 
 
 def build_own_step(path: str, module: object, function: Callable) -> OwnStep:
-    """Make an `OwnStep` of a user's function, with the CLAIMS and REQUIRES of its owner, a module or an object.
-
-    ``path`` becomes its id.  Raises InvalidInput for malformed CLAIMS or REQUIRES.
-    """
+    """Make an `OwnStep` of a function, with id ``path`` and the CLAIMS and REQUIRES of a module or an object."""
     requires = checked_requires(getattr(module, "REQUIRES", ()), f"{path}: REQUIRES")
     code = getattr(function, "__code__", None)
     claims = checked_claims(getattr(module, "CLAIMS", {}), f"{path}: CLAIMS")
@@ -263,10 +244,7 @@ def build_own_step(path: str, module: object, function: Callable) -> OwnStep:
 
 
 def checked_requires(requires: object, where: str) -> tuple[str, ...]:
-    """Return the names of traits that a user's step requires, given as one text or several, as a tuple.
-
-    Raises InvalidInput, with a message that begins with ``where``, for anything else.
-    """
+    """Return the traits that a step requires, one text or several, as a tuple; else InvalidInput, from ``where`` on."""
     several = (requires,) if isinstance(requires, str) else requires
     if not isinstance(several, (tuple, list)) or not all(isinstance(x, str) for x in several):
         raise InvalidInput(f"{where} is {requires!r}; name traits, such as ['separable']")
@@ -286,24 +264,12 @@ def integrate_step(
     save_every: int = 1,
     timeout: float | None = None,
 ) -> Solution:
-    """Integrate ``problem`` with a user's own step, at constant h.
+    """Integrate ``problem`` with a user's own step at constant h; arguments as in `integrators.driver.integrate`.
 
-    Parameters
-    ----------
-    problem, h, t_end, steps, t0, q0, p0, save_every : as in `integrators.driver.integrate`
-    timeout : seconds after which no further step is taken; a step that does not return cannot be stopped
-
-    Returns
-    -------
-    integrators.driver.Solution
-        ``seconds`` is the time of the Python loop; the gradient in ``counts`` is the larger of the numbers of
-        evaluations of dH_dq and dH_dp.
-
-    Raises
-    ------
-    InvalidInput
-        For unusable input, and for a step that raises (with file and line), that returns anything but two arrays (d,)
-        of real numbers, or that changes its q or p.
+    No step is taken ``timeout`` seconds after the start; one that does not return cannot be stopped.  ``seconds`` of
+    the solution is the time of the Python loop, its gradient in ``counts`` the larger number of evaluations of dH_dq
+    and dH_dp. Raises InvalidInput for unusable input, and for a step that raises (with file and line), that returns
+    anything but two arrays (d,) of real numbers, or that changes its q or p.
     """
     check_timeout(timeout)
     asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0)
@@ -336,11 +302,7 @@ def integrate_step(
 def _steps(
     step: Callable[..., tuple[Any, Any]], seen: System, asked: Request, rows: np.ndarray, deadline: float | None
 ) -> tuple[int, int, bool]:
-    """Take the steps of a run, and save states in ``rows``; return (rows filled, steps taken, True if time ran out).
-
-    ``asked`` is the checked request (q, p, h, steps, every), ``rows`` an array (2, n, d) of q and p, ``deadline`` a
-    time of ``time.perf_counter`` or None.  The run stops at a state that is not finite.
-    """
+    """Take the steps of a run into rows (2, n, d): (rows filled, steps taken, True if time ran out); ends at a NaN."""
     q, p, row = asked.q, asked.p, 1
     for n in range(1, asked.steps + 1):
         try:
@@ -370,20 +332,13 @@ def _frozen(x: np.ndarray) -> np.ndarray:
 
 
 def check_pair(pair: Any, d: int) -> tuple[np.ndarray, np.ndarray]:
-    """Check what a user's step returned, and copy it to new arrays q, p (d,).
-
-    Raises InvalidInput unless ``pair`` holds two arrays (d,) of real numbers.
-    """
+    """Copy what a user's step returned to new arrays q, p (d,); raise InvalidInput unless it is two such arrays."""
     if not particle_step.is_pair(pair):
         raise InvalidInput(f"step returned {_short_text(pair)}; it must return q, p")
     return _vector(pair[0], "step returned q", d), _vector(pair[1], "step returned p", d)
 
 
 def _vector(x: Any, what: str, d: int) -> np.ndarray:
-    """Return x as a new array (d,) of doubles.
-
-    Raises InvalidInput, with a message that begins with ``what``, if x is no such array.
-    """
     try:
         if np.iscomplexobj(x):
             raise TypeError
@@ -396,6 +351,5 @@ def _vector(x: Any, what: str, d: int) -> np.ndarray:
 
 
 def _short_text(x: object) -> str:
-    """Return a value as short text for an error message."""
     text = repr(x)
     return text if len(text) <= 60 else f"{type(x).__name__} {text[:60]} ..."

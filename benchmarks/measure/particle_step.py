@@ -86,7 +86,7 @@ class Particle:
         return function(self._value(x))
 
     def _value(self, x: ArrayLike) -> Value:
-        """The first d components of the position x, in the form that the system's compiled functions take."""
+        """The first d components of x, as the system's compiled functions take them."""
         d = 2 if self._plane else 3
         x = np.asarray(x)[:d]
         if self._arithmetic != DOUBLE:
@@ -108,7 +108,7 @@ class InMomenta:
         self.step, self.__name__ = step, getattr(step, "__name__", type(step).__name__)
 
     def __call__(self, system: System | Exact, q: np.ndarray, p: np.ndarray, h: Number) -> Any:
-        """Convert q, p to x, v, take the user's step, and return (q, p); an invalid result is returned as it is."""
+        """Take the user's step from q, p in x, v, and return (q, p); an invalid result is returned as it is."""
         particle = system.particle
         x, v = particle.state(q, p)
         x.flags.writeable = v.flags.writeable = q.flags.writeable and p.flags.writeable

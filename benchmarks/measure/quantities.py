@@ -42,12 +42,10 @@ class Quantity:
     Attributes
     ----------
     name, about, unit : kebab-case name; description in a line; unit of its error
-    values : function (problem, t (n,), q (n, d), p (n, d)) -> the values to compare, array (m,); for a conserved
-        quantity its error
-    rows : number of rows (stored states) that it needs besides the first; 1: the end only
-    aligned : True if the rows must divide the span into equal parts, like those of the reference
+    values : function (problem, t (n,), q (n, d), p (n, d)) -> the values to compare, array (m,)
+    rows, aligned : number of rows that it needs besides the first (1: the end only), and if they are equidistant
     angle : True if values are compared modulo 2 pi
-    kept : True for a conserved quantity, compared with its own first value
+    kept : True for a conserved quantity, compared with its own first value; its values are its error
     statistical : True if it differs between nearby orbits, such as an average or an exponent of a chaotic orbit
     """
 
@@ -62,26 +60,16 @@ class Quantity:
     statistical: bool = False
 
     def steps(self, wanted: float) -> int:
-        """Return the permitted number of steps nearest to ``wanted``.
-
-        It has to be a multiple of `rows` if the quantity is `aligned`, so that the rows are at equidistant times.
-        """
+        """Return the permitted number of steps nearest to ``wanted``: a multiple of `rows` if it is `aligned`."""
         unit = self.rows if self.aligned else 1
         return max(1, round(wanted / unit)) * unit
 
     def save_every(self, steps: int) -> int:
-        """Return the ``save_every`` with which a run of ``steps`` steps saves the states that the quantity needs.
-
-        Every Nth state is saved, N being the result; 0 saves the end alone.
-        """
+        """Return the ``save_every`` for a run of ``steps`` steps; 0 saves the end alone."""
         return 0 if self.rows == 1 else max(1, steps // self.rows)
 
     def grid(self, steps: int | None = None, tol: float | None = None) -> dict[str, Any]:
-        """Return keyword arguments for `Integrator.run`, so that the run saves the rows that the quantity needs.
-
-        Give a number of steps, or the tolerance of an adaptive integrator.  The result has ``save_every``, and
-        ``steps`` or ``tol`` or both.
-        """
+        """Return arguments for `Integrator.run` with a number of steps or a tolerance, so that it saves the rows."""
         if steps is not None:
             return {"steps": steps, "save_every": self.save_every(steps)}
         return {"tol": tol, "save_every": 0} if self.rows == 1 else {"tol": tol, "steps": self.rows, "save_every": 1}
@@ -92,8 +80,7 @@ class Truth(NamedTuple):
 
     Attributes
     ----------
-    values : array (m,)
-    uncertainty : of the values, in the unit of the quantity's errors
+    values, uncertainty : array (m,), and its uncertainty in the unit of the quantity's errors
     source : origin of the values, in words: such as "certified" (a stored state) or "long double" (runs made for it)
     rounding : change of the values if the orbit is rounded to long double, in the same unit; 0 if not computed
     """
@@ -142,10 +129,9 @@ GENERAL = (END_STATE, TRAJECTORY, ENERGY)
 
 
 def rows_of(quantity: Quantity, solution: Solution | SimpleNamespace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (t, q, p), arrays (n,), (n, d), (n, d), of a solution's first row and of the rows a quantity needs.
+    """Return (t since the start, q, p) of a solution's first row and of the rows a quantity needs.
 
-    Times are since the start, negative for a run back in time.  These are all rows if the quantity needs no equidistant
-    ones.  Raises ValueError if equidistant rows are missing.
+    These are all rows if the quantity needs no equidistant ones.  Raises ValueError if equidistant rows are missing.
     """
     t, q, p = solution.t - solution.t[0], solution.q, solution.p
     if not quantity.aligned:
@@ -164,10 +150,7 @@ def values(problem: Problem, quantity: Quantity, solution: Solution | SimpleName
 
 
 def distance(quantity: Quantity, one: np.ndarray, other: np.ndarray) -> float:
-    """Return the max norm of the difference of two arrays (m,) of a quantity's values, modulo 2 pi for angles.
-
-    It is infinite if a value is not finite.
-    """
+    """Return the max norm of the difference of two arrays of values, modulo 2 pi for angles; infinite if not finite."""
     apart = one - other
     if quantity.angle:
         apart = (apart + pi) % (2 * pi) - pi
@@ -180,10 +163,7 @@ def error(
 ) -> float:
     """Return the error of a quantity computed from a solution; infinite if the run did not reach its end.
 
-    Parameters
-    ----------
-    solution : with status, t (n,), q and p (n, d), from a run with `Quantity.grid`
-    reference : the true value; not needed for a conserved quantity
+    The solution is of a run with `Quantity.grid`; a conserved quantity needs no reference.
     """
     if getattr(solution, "status", OK) != OK:
         return inf

@@ -29,14 +29,11 @@ SIGNS = {"scheme-iv": (1,), "scheme-v": (-1, 1)}
 
 @dataclass(frozen=True)
 class Scan:
-    """The values of lambda with which a step of Scheme IV or V conserves H, for each step of a trajectory.
-
-    Schemes IV and V are methods with a parameter lambda that they choose in each step so that H is conserved.
+    """The values of lambda with which a step conserves H, for each step of a trajectory.
 
     Attributes
     ----------
-    h : the step size
-    roots : for each of n steps the values of lambda, an array sorted by distance from 1/2
+    h, roots : the step size; for each of n steps the values of lambda, an array sorted by distance from 1/2
     low, high : arrays (n,), the lambda that the continuation reached below and above 1/2 in each step
     """
 
@@ -47,12 +44,7 @@ class Scan:
 
 
 class _Forces:
-    """The gradient (n, d) and Hessian (n, d, d) of the potential U at rows Q (n, d), for H = T(p) + U(q), T quadratic.
-
-    Attributes
-    ----------
-    inverse_mass : array (d, d), the inverse mass matrix of T
-    """
+    """The gradient (n, d) and Hessian (n, d, d) of U at rows Q (n, d), for H = T(p) + U(q), T quadratic."""
 
     def __init__(self, found: Problem) -> None:
         self.system = system = found.system
@@ -72,11 +64,9 @@ class _Forces:
 def _substep(
     forces: _Forces, Q: np.ndarray, P: np.ndarray, h: float, lam: float, k: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Take a step of size h of a one-stage method with the parameter lambda = ``lam`` from every row of Q, P (n, d).
+    """Take a substep from every row of Q, P (n, d); the stage equation is solved for k by Newton's method.
 
-    Schemes IV and V consist of such substeps.  The stage equation is solved for k (n, d), minus the gradient of U at
-    the stage, by Newton's method from a given k.  Returns (Q after the substep, P after it, k, boolean array (n,): True
-    where k converged and is not past the fold at which the solution ends).
+    Returns (Q, P, k, boolean array (n,): True where k converged and is not past the fold at which the solution ends).
     """
     M, d = forces.inverse_mass, Q.shape[1]
     b = lam * (1 - lam) * h * h
@@ -106,16 +96,9 @@ def scan(
     reach: float = 60.0,
     spacing: float = 0.02,
 ) -> Scan:
-    """Find every lambda in [1/2 - reach, 1/2 + reach] with which a step of Scheme IV or V conserves H, from n states.
+    """Find every lambda in [1/2 - reach, 1/2 + reach] with which a step of a scheme conserves H, from n states.
 
-    Parameters
-    ----------
-    found : the problem
-    scheme : "scheme-iv" or "scheme-v", methods that choose their parameter lambda in each step so that H is conserved
-    h : the step size
-    Q, P : arrays (n, d), the states from which the steps start
-    H0 : the energy that a step must have at its end
-    reach, spacing : range and spacing of the scan of lambda
+    Q, P are arrays (n, d), H0 is the energy that a step must have at its end, ``spacing`` that of the scan.
     """
     forces, signs = _Forces(found), SIGNS[scheme]
     n = len(Q)
@@ -150,22 +133,17 @@ def scan(
 
 
 def along(found: Problem, scheme: str, h: float, t_end: float, every: int = 1, **options: float) -> Scan:
-    """Integrate by Scheme IV or V to ``t_end``, and find every lambda with which a step conserves H.
-
-    ``scheme`` is "scheme-iv" or "scheme-v", methods that choose their parameter lambda in each step so that H is
-    conserved.  Every Nth step is scanned, N = ``every``; ``options`` are reach and spacing of `scan`.
-    """
+    """Integrate by a scheme to ``t_end``, and `scan` every Nth step (``every``) for all lambda that conserve H."""
     path = integrate(found, scheme, h=h, t_end=t_end)
     H0 = float(found.system.observe(found.system.H, path.q[:1], path.p[:1])[0])
     return scan(found, scheme, path.h, path.q[:-1:every], path.p[:-1:every], H0, **options)
 
 
 def summary(scans: list[Scan]) -> list[dict]:
-    """Make the rows of a table of the roots, the values of lambda with which a step of Scheme IV or V conserves H.
+    """Make the rows of a table of the roots, one for each scan (a step size h).
 
-    There is a row for each scan (a step size h).  It has h; the numbers of steps without a root, with one and with
-    more; the range of the roots that are the nearest to 1/2 in their step; the number of all other roots ("far"), and
-    which of these is closest to 1/2; and the range of lambda that was scanned in every step.
+    They have the numbers of steps without a root, with one and with more; the range of the roots nearest to 1/2; the
+    number of all others ("far"), and which of these is closest to 1/2; and the range of lambda scanned in every step.
     """
     out = []
     for s in scans:

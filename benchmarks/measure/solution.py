@@ -42,7 +42,7 @@ class GlobalError(NamedTuple):
 
 
 def stability_hint(status: str, method: str) -> str:
-    """Return a hint for a run with status "unstable": the command that prints the stable steps; "" for other runs."""
+    """Return a hint on stable steps for a run with status "unstable"; "" for other runs."""
     where = f"`phasebench stability {method}` prints the steps that are stable on an oscillator"
     return where if status == UNSTABLE else ""
 
@@ -89,23 +89,18 @@ class Solution(solution.Solution):
         return pd.DataFrame(columns)
 
     def plot(self) -> Figure:
-        """Return a figure of two panels: the change of the energy over time, and the orbit.
-
-        The orbit is drawn in the plane of q and p or, if d > 1, of the first two coordinates.  The figure shows itself
-        in a notebook; ``.savefig("orbit.png")`` writes it.
-        """
+        """Return a figure of the energy's change and of the orbit; it shows itself in a notebook."""
         from .figures import solution
 
         return solution(self)
 
     def _repr_html_(self) -> str:
-        """Return the text and some of the rows as HTML, for a notebook."""
         from html import escape
 
         return f"<pre>{escape(repr(self))}</pre>{self.to_frame().to_html(index=False, max_rows=HEAD)}"
 
     def _started(self) -> Any:
-        """Return the solution's problem, with the solution's first row as its initial state."""
+        """The problem with the solution's first row as its initial state."""
         from .global_error import with_start
 
         q, p = self.q[0], self.p[0]

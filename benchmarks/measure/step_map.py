@@ -30,14 +30,7 @@ def jacobian(step: Callable, y: ArrayLike, delta: Number | None = None) -> np.nd
     """
     y = np.asarray(y)
     delta = np.finfo(float).eps ** 0.2 if delta is None else delta
-    columns = []
-    for i in range(len(y)):
-        e = np.zeros(len(y), dtype=y.dtype)
-        e[i] = delta
-        near = step(y + e) - step(y - e)
-        far = step(y + 2 * e) - step(y - 2 * e)
-        columns.append((8 * near - far) / (12 * delta))
-    return np.array(columns).T
+    return np.array([derivative(step, y, e, delta) for e in np.eye(len(y), dtype=y.dtype)]).T
 
 
 def form_residual(M: ArrayLike) -> np.ndarray:
@@ -56,11 +49,7 @@ def symplecticity_defect(M: ArrayLike) -> Number:
 
 
 def symplecticity(step: Callable, y: ArrayLike, *displacements: Number) -> tuple[float, float]:
-    """Return (max |M^T J M - J|, its change from the first to the last displacement), M the Jacobian of a step at y.
-
-    M is computed by finite differences with each of the ``displacements``; the defect is that with the first, and the
-    change shows the error of the differences.
-    """
+    """Return (max |M^T J M - J|, its change from the first to the last displacement of the differences)."""
     residuals = [form_residual(jacobian(step, y, delta)) for delta in displacements]
     return float(np.abs(residuals[0]).max()), float(np.abs(residuals[-1] - residuals[0]).max())
 
@@ -80,10 +69,7 @@ def determinant(M: ArrayLike) -> Number:
 
 
 def volume(step: Callable, y: ArrayLike, *displacements: Number) -> tuple[float, float]:
-    """Return (|det M - 1|, its change from the first to the last displacement), M the Jacobian of a step at y.
-
-    M is computed by finite differences with each of the ``displacements``; the defect is that with the first.
-    """
+    """Return (|det M - 1|, its change from the first to the last displacement of the differences)."""
     found = [determinant(jacobian(step, y, delta)) - 1 for delta in displacements]
     return float(abs(found[0])), float(abs(found[-1] - found[0]))
 
@@ -91,8 +77,7 @@ def volume(step: Callable, y: ArrayLike, *displacements: Number) -> tuple[float,
 def restricted(step: Callable, retract: Callable, y: ArrayLike, delta: Number | None = None) -> np.ndarray:
     """Return M^T J M - N^T J N, array (2 d, 2 d): how a step changes the two-form on a manifold.
 
-    ``retract`` maps states near y to states on the manifold.  N is its Jacobian at y, whose columns are tangents of the
-    manifold; M is the Jacobian of ``step`` after ``retract``.  The result is zero if the step preserves the two-form.
+    ``retract`` maps states near y to the manifold; N is its Jacobian at y, M that of ``step`` after ``retract``.
     """
     M, N = jacobian(lambda x: step(retract(x)), y, delta), jacobian(retract, y, delta)
     return form_residual(M) - form_residual(N)
@@ -103,15 +88,8 @@ def pair_symplecticity(
 ) -> tuple[float, float]:
     """Measure by how much a step changes the canonical two-form: omega(M u, M v) - omega(u, v), M its Jacobian at y.
 
-    The change is relative to the sizes of the terms of omega, and takes four steps per vector in any dimension.
-
-    Returns (largest absolute change over the pairs with the first displacement, largest difference between the changes
-    with the last and the first displacement).
-
-    Parameters
-    ----------
-    pairs : pairs (u, v) of arrays (2 d,), in the arithmetic of y and of the size of its components
-    displacements : those of the finite differences
+    The change is relative to the sizes of the terms of omega, for pairs (u, v) of arrays (2 d,) of the size of y.
+    Returns (largest over the pairs with the first displacement, largest difference with the last).
     """
     d, found = len(y) // 2, []
     for u, v in pairs:
@@ -134,13 +112,9 @@ def derivative(step: Callable, y: np.ndarray, w: np.ndarray, delta: Number) -> n
 def pair_defect(step: Callable, y: np.ndarray, retract: Callable | None = None) -> Number:
     """Return |omega(M u, M v) - omega(u, v)| for one pair of vectors in general position, M a step's Jacobian at y.
 
-    omega is the canonical two-form.  ``retract``, if given, maps states near y to a manifold, to which u and v are then
-    made tangent.
-
-    The components of the vectors are of the size of those of y, and the defect is relative to the terms of omega(u, v).
-
-    It uses second-order central differences with the cube root of mpmath's working precision as displacement: four
-    steps in any dimension, where `symplecticity_defect` of a `jacobian` takes four for each component of y.
+    ``retract``, if given, maps states near y to a manifold, to which u and v are made tangent.  The vectors are of the
+    size of y, the defect is relative to the terms of omega(u, v).  It takes second-order central differences with the
+    cube root of mpmath's working precision: four steps in any dimension.
     """
     import mpmath
 

@@ -13,28 +13,22 @@ if TYPE_CHECKING:
 
 
 class TabularResult(ABC):
-    """Base class of a result with named fields that prints as a table; `to_frame` returns the table's rows.
-
-    Indexing, iteration and ``len`` are those of the DataFrame.
-    """
+    """Base class of a result that prints as a table; indexing, iteration, ``len`` are of its `to_frame`."""
 
     @abstractmethod
     def to_frame(self) -> pd.DataFrame:
         """Return the table's rows as a pandas DataFrame."""
 
     def _heading(self) -> list[str]:
-        """Return the lines of text above the printed table."""
         return []
 
     def _printed(self) -> pd.DataFrame:
-        """Return the rows and columns that are printed, as a DataFrame."""
         return self.to_frame()
 
     def __repr__(self) -> str:
         return "\n".join([*self._heading(), self._printed().to_string(index=False)])
 
     def _repr_html_(self) -> str:
-        """Return the printed table as HTML, for a notebook."""
         heading = "".join(f"<p>{escape(line)}</p>" for line in self._heading())
         return heading + self._printed().to_html(index=False)
 

@@ -23,10 +23,7 @@ OURS, PEERS, TIED, OPEN, NONE = "ours", "peer", "tie", "not decided", "none"
 
 
 class Median(NamedTuple):
-    """A median, ``value``, with its interval (``low``, ``high``) of probability `CONFIDENCE`.
-
-    For fewer than six samples the interval is their range.
-    """
+    """A median with its interval of probability `CONFIDENCE`; for fewer than six samples their range."""
 
     value: float
     low: float
@@ -39,10 +36,7 @@ NOWHERE = Median(inf, inf, inf)
 
 @cache
 def rank(n: int, confidence: float = CONFIDENCE) -> int:
-    """Return the largest k for which the k-th smallest and k-th largest of n samples enclose the median.
-
-    They enclose it with a probability of at least ``confidence``; for small n, where no k does, k is 1.
-    """
+    """Return the largest k for which the k-th smallest and k-th largest of n samples enclose the median, at least 1."""
     below, ways, k = 0, 1, 0
     most = int(Fraction(1 - confidence) / 2 * 2**n)
     while k < n and below + ways <= most:
@@ -62,7 +56,7 @@ def median(samples: Iterable[float]) -> Median:
 
 
 def in_turns(work: Mapping[Hashable, Callable[[], float]], rounds: int = 15) -> dict[Any, np.ndarray]:
-    """Call several callables, each once a round, and return name -> array (rounds,) of the seconds that each returned.
+    """Call several callables once a round; return name -> array (rounds,) of the seconds that each returned.
 
     The order of the calls alternates from round to round; a first round is not counted.
     """
@@ -76,10 +70,7 @@ def in_turns(work: Mapping[Hashable, Callable[[], float]], rounds: int = 15) -> 
 
 
 def time_in_turns(work: Mapping[Hashable, Callable[[], object]], rounds: int = 15) -> dict[Any, np.ndarray]:
-    """Measure the seconds that callables take in several rounds, each running once a round, in alternating order.
-
-    Returns name -> array (rounds,); a first round is not counted.
-    """
+    """Measure the seconds of callables as `in_turns`: name -> array (rounds,)."""
     return in_turns({n: clock(run) for n, run in work.items()}, rounds)
 
 
@@ -105,11 +96,10 @@ def columns(name: str, found: Median) -> dict[str, float]:
 
 
 def cheaper(ours: Median, peers: Median, tie: float = 1.0) -> str:
-    """Return which is cheaper, this project or other packages, from the least cost of each at the same error.
+    """Return which is cheaper, "ours" or "peer", from the least cost of each at the same error.
 
-    Returns "ours" or "peer" if the whole interval of one cost, widened by the factor ``tie``, is below the other's,
-    else "tie"; "none" if neither reaches the error.  A cost has ``low`` infinite if the error is never reached, and
-    ``high`` infinite if it is not certain that the error is reached.
+    It is "tie" unless the whole interval of one, widened by the factor ``tie``, is below the other's; "none" if neither
+    reaches the error.  A cost has ``low`` infinite if that is never reached, ``high`` infinite if that is not certain.
     """
     if isinf(ours.low) and isinf(peers.low):
         return NONE

@@ -16,21 +16,17 @@ from dataclasses import replace
 from functools import lru_cache
 from math import pi
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 from phasebench.reference.certificates import followed, stored
 from phasebench.reference.certificates.followed import FollowedOrbit
 
 from .quantities import Quantity, Truth, distance, values
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Safety factor: one of two runs with independent errors is off by more than three times their distance in few cases.
 SAFETY = 3.0
@@ -45,8 +41,7 @@ EPS = float(np.finfo(float).eps)
 def truth(problem: Problem, quantity: Quantity, t_end: float) -> Truth:
     """Return the true value of a quantity of a problem's orbit at, or up to, ``t_end``, with its uncertainty.
 
-    It comes from a certified state, from runs in long double or, for a statistical quantity, from an ensemble of nearby
-    orbits.  A conserved quantity is given by its error, whose true value is 0.  ``t_end`` may be negative.
+    A conserved quantity is given by its error, whose true value is 0.  ``t_end`` may be negative.
 
     Raises
     ------
@@ -66,10 +61,7 @@ def truth(problem: Problem, quantity: Quantity, t_end: float) -> Truth:
 
 
 def onwards(problem: Problem, t_end: float) -> Problem:
-    """Return a problem whose orbit up to ``|t_end|`` is that of ``problem`` to ``t_end``, with -H if that is negative.
-
-    Raises InvalidInput for a negative ``t_end`` of a system that is not canonical or has no formula of H.
-    """
+    """Return a problem whose orbit to ``|t_end|`` is that of ``problem`` to ``t_end``: with -H, if that is negative."""
     if t_end > 0:
         return problem
     system = problem.system
@@ -84,11 +76,7 @@ def _reversed(system: PartitionedSystem) -> Hamiltonian:
 
 
 def of_runs(problem: Problem, quantity: Quantity, runs: FollowedOrbit) -> Truth:
-    """Return the true value of a quantity, with its uncertainty, from several runs of the orbit in long double.
-
-    ``runs`` has two runs at different tolerances, whose distance shows the error, and some with random displacements,
-    which show how much the orbit magnifies rounding.
-    """
+    """Return the true value from two runs in long double, whose distance shows the error, and some displaced ones."""
     d = problem.system.d
 
     def at(rows: np.ndarray) -> np.ndarray:
@@ -124,7 +112,6 @@ def _certified_end(problem: Problem, t_end: float) -> stored.End | None:
 
 
 def _rows(t: float | np.ndarray, problem: Problem, q: np.ndarray, p: np.ndarray) -> SimpleNamespace:
-    """Return an object with t, q, p like a solution's: the problem's initial state, then rows q, p at the times t."""
     t = np.concatenate([[0.0], np.atleast_1d(t)])
     return SimpleNamespace(t=t, q=np.vstack([[problem.q0], q]), p=np.vstack([[problem.p0], p]))
 

@@ -13,10 +13,10 @@ TABULATED = ("scheme-i", "scheme-ii", "scheme-iii")
 
 
 def variants(methods: Iterable[Method] = METHODS) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
-    """Yield (id, parameters) of every method, parameters being pairs (name, value as text), for a run of all methods.
+    """Yield (id, pairs of parameter and value as text) of every method, for a run of all methods.
 
-    Methods in `TABULATED` come once for each value in `LAMBDAS` of their parameter lam, those with a parameter
-    ``order`` for the orders 3 and 4, all others with their default parameters: ().
+    Methods in `TABULATED` come once for each value in `LAMBDAS`, those with a parameter ``order`` for the orders 3 and
+    4.
     """
     for m in methods:
         if m.id in TABULATED:

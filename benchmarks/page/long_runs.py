@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.measure.hbvm import too_few_nodes
+from phasebench.benchmarks.measure.conservation import too_few_nodes
 from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.problems import problem, scenes
 from phasebench.integrators.registry import BY_ID

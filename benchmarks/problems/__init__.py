@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,40 +63,28 @@ def problem(name: str | Path, **parameters: float | str) -> Problem:
 
 @lru_cache(maxsize=128, typed=True)
 def _cached_problem(id: str, /, **parameters: float | str) -> Problem:
-    """Return the registered problem ``id`` with these values of its parameters, always the same object.
-
-    It is read from the cache on disk if it is there, and made and stored otherwise.
-    """
     from .kept import load_or_make
 
-    return load_or_make(id, parameters, partial(_build, id, **parameters))
+    return load_or_make((id, sorted(parameters.items())), partial(_build, id, **parameters))
 
 
 def _build(id: str, /, **parameters: float | str) -> Problem:
-    """Build the problem ``id`` by its module, without the cache on disk; raise InvalidInput for a bad parameter."""
     module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
     return _call_make(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
 
 
 @lru_cache(maxsize=128, typed=True)
 def _call_make(module: ModuleType, **parameters: float) -> Problem:
-    """Make a problem by the function ``make`` of its module, or return the one made before from the same values.
-
-    It is the same object each time, so that what was derived from its formulae is not derived again.
-    """
-    return module.make(**parameters)
+    """Make a problem by its module, once for the same values, so that nothing is derived again from its formulae."""
+    made = module.make(**parameters)
+    return made if made.parameters else replace(made, parameters=parameters)
 
 
 def labels(names: Iterable[str] = ()) -> list[str]:
-    """List the orbits (named initial states) of the registered problems in ``names``, each as a label ``id:orbit``.
+    """List the orbits of the registered problems in ``names``, each as a label ``id:orbit``, or ``id`` if it is alone.
 
-    The label is the id alone if a problem has only one orbit.  An id without an orbit stands for all its orbits, and an
-    empty ``names`` for all problems.
-
-    Raises
-    ------
-    InvalidInput
-        For an unknown problem or orbit.
+    An id without an orbit stands for all its orbits, and an empty ``names`` for all problems.  Raises InvalidInput for
+    an unknown problem or orbit.
     """
     out: list[str] = []
     for name in list(names) or PROBLEMS:
@@ -110,11 +99,7 @@ def labels(names: Iterable[str] = ()) -> list[str]:
 
 
 def file_and_orbit(name: str) -> tuple[str | None, str]:
-    """Split a user's name of a problem, ``./my_problem.py:orbit``, into the file's path and the orbit in it.
-
-    An orbit is a named initial state; it is "" if none is named.  The result is (None, "") for the id of a registered
-    problem, which is no path.  The colon of a Windows drive is part of the path.
-    """
+    """Split a user's ``./my_problem.py:orbit`` into path and orbit ("" if none is named); (None, "") for an id."""
     if not is_file(name):
         return None, ""
     return (name, "") if name.lower().endswith(".py") else file_and_object(name)

@@ -21,9 +21,8 @@ class Orbit:
 
     Attributes
     ----------
-    name : kebab-case
+    name, about : kebab-case, and a line
     q, p : d doubles each, exactly the initial state
-    about : a description in a line
     times : rising times at which certified (reference) states are stored.  If the flow is chaotic or unstable, a run in
         long double no longer follows the orbit to the last of these times, but all stored digits are still right there
     """
@@ -40,11 +39,9 @@ class Pace(NamedTuple):
 
     Attributes
     ----------
-    unit : the unit of time: a method's order is measured over a part of it
-    step : a usual step, about a thirtieth of a revolution
+    unit, step : the unit of time, over a part of which an order is measured; a usual step, 1/30 of a revolution
     span : a time after which runs with different step sizes have clearly different errors, about half a revolution
-    later : a time at which the orbit, which may start on an axis or at a turning point, is in general position;
-        measurements of steps begin there, so that no symmetry of the start makes their errors small
+    later : a time at which the orbit is in general position: no symmetry of the start makes errors of steps small
     """
 
     unit: float = 1.0
@@ -94,10 +91,6 @@ class Problem:
             object.__setattr__(self, "invariants", {name: self._formula(name, e) for name, e in given.items()})
 
     def _formula(self, name: str, given: Formula) -> Formula:
-        """Return the formula of the invariant ``name`` as a SymPy expression, parsed if it is given as text.
-
-        Raises InvalidInput, naming the invariant, for a text that is no formula of the system's variables.
-        """
         if not isinstance(given, str) or not isinstance(self.system, PartitionedSystem):
             return given
         try:
@@ -149,18 +142,13 @@ class Problem:
 class Scene:
     """A problem on an orbit over a time span, with the step sizes at which methods are compared on it.
 
-    An *order* scene is short and halves its step, to measure orders of convergence; a *drift* scene is long, to measure
-    the errors of the invariants.
-
     Attributes
     ----------
-    id, problem : the scene's name and ``id:orbit`` of its problem
-    purpose : "order" or "drift"
-    t_end : the end of the time span
+    id, problem, t_end : kebab-case id; ``id:orbit``; end of the span
+    purpose : "order", short with steps that are halved, or "drift", long, for the errors of the invariants
     steps : the step sizes h, falling; in an order scene each is half of the one before
     relative, absolute : the band |measured - stored| <= absolute + relative * |stored| of the stored error tables:
-        another processor rounds elementary functions and fused operations differently in the last bit, and many steps
-        amplify that
+        another processor rounds differently in the last bit, and many steps amplify that
     trajectory : the same as ``absolute`` for errors of the trajectory, in which round-off grows
     regular : whether nearby trajectories stay together; if not, trajectory errors count only to the reference's
         horizon, the last time at which a run in long double follows the orbit
@@ -181,6 +169,25 @@ class Scene:
         if not quick:
             return self.steps
         return self.steps[:4] if self.purpose == ORDER else self.steps[:1]
+
+
+def check_positive(what: str, **values: float) -> None:
+    """Raise InvalidInput for the first of some parameters, name -> value, of ``what`` that is not positive."""
+    for name, value in values.items():
+        if not value > 0:
+            raise InvalidInput(f"{name} of {what} is {value}; it must be positive")
+
+
+def whole(what: str, value: float, least: int, most: int) -> int:
+    """Return a number as an integer; raise InvalidInput, naming ``what`` it counts, if it is none or out of bounds."""
+    if int(value) != value or not least <= value <= most:
+        raise InvalidInput(f"the number {what} is {value}; it must be an integer from {least} to {most}")
+    return int(value)
+
+
+def floats(numbers: ArrayLike) -> tuple[float, ...]:
+    """Return numbers of any type, also nested, as a flat tuple of doubles: the q or p of an `Orbit`."""
+    return tuple(float(x) for x in np.ravel(numbers))
 
 
 def halvings(h: float, count: int) -> tuple[float, ...]:

@@ -45,9 +45,8 @@ class Body:
     Attributes
     ----------
     name : in lower case with dashes for spaces
-    mass : 0 for a test particle
+    mass, massive : 0 for a test particle, and False for a body with a mass that is treated as one
     x, v : position and velocity, three multiprecision numbers each
-    massive : False for a body with a mass that is treated as a test particle
     """
 
     name: str
@@ -63,8 +62,7 @@ class Bodies:
 
     Attributes
     ----------
-    members : the bodies, in the order of the table
-    units : the units of all numbers
+    members, units : the bodies, in the order of the table, and the units of all numbers
     frame : heliocentric (about the first body) or barycentric
     """
 
@@ -90,21 +88,10 @@ class Bodies:
 
     @property
     def content(self) -> tuple:
-        """The table as nested tuples of numbers and strings, which can be hashed and pickled."""
+        """The table as nested tuples of numbers and strings, which tell it from another."""
         with mpmath.workdps(DIGITS):
             rows = tuple((b.name, b.mass, tuple(map(str, (*b.x, *b.v))), b.massive) for b in self.members)
         return rows, tuple(self.units), self.frame
-
-    @classmethod
-    def of_content(cls, content: tuple) -> Bodies:
-        """Make the bodies from their `content`, nested tuples of numbers and strings."""
-        rows, of_units, frame = content
-        with mpmath.workdps(DIGITS):
-            members = tuple(
-                Body(name, mass, tuple(map(mpmath.mpf, numbers[:3])), tuple(map(mpmath.mpf, numbers[3:])), massive)
-                for name, mass, numbers, massive in rows
-            )
-        return cls(members, Units(*of_units), frame)
 
     def without(self, names: Iterable[str]) -> Bodies:
         """Return the table without the bodies of these names."""
@@ -140,22 +127,20 @@ class Bodies:
 
 
 def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, heads: Sequence[str]) -> Bodies:
-    """Check a table of gravitating bodies, and make the `Bodies` of it.
+    """Check a table of gravitating bodies, and make the `Bodies` of it; raise InvalidInput that names row and column.
 
     Parameters
     ----------
     rows : pairs (where the row stands, column -> text or number), the central body first
     units, frame : the units of all numbers; "heliocentric", "barycentric", or None if columns are orbital elements
-    where : the name of the table in messages, such as its path
-    heads : the names of the columns
-
-    Raises
-    ------
-    InvalidInput
-        Naming the row and the column, for anything that cannot be used.
+    where, heads : the name of the table in messages, such as its path, and the names of the columns
     """
     chosen = _columns(heads, where)
-    frame = _frame(frame, chosen, where)
+    if frame is None and chosen != ELEMENTS:
+        raise InvalidInput(f"{where}: it does not say about what positions are; say the frame: {' or '.join(FRAMES)}")
+    frame = frame or HELIOCENTRIC
+    if frame not in FRAMES:
+        raise InvalidInput(f"{where}: {unknown_name('frame', frame, FRAMES)}")
     if len(rows) < 2:
         raise InvalidInput(f"{where}: there are {len(rows)} bodies; give the central one first, then at least one more")
     if len(rows) > MOST:
@@ -189,11 +174,6 @@ def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, hea
 
 
 def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
-    """Return the tuple of column names `CARTESIAN` or `ELEMENTS`, whichever the columns ``heads`` of a table contain.
-
-    Raises InvalidInput, naming the table (``where``), for columns of both kinds, and for unknown, repeated or missing
-    columns.
-    """
     twice = [h for i, h in enumerate(heads) if h in heads[:i]]
     if twice:
         raise InvalidInput(f"{where}: the column {twice[0]} is there twice; leave one out")
@@ -219,22 +199,7 @@ def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
     return chosen
 
 
-def _frame(frame: str | None, chosen: tuple[str, ...], where: str) -> str:
-    if frame is None and chosen == ELEMENTS:
-        return HELIOCENTRIC
-    if frame is None:
-        raise InvalidInput(f"{where}: it does not say about what positions are; say the frame: {' or '.join(FRAMES)}")
-    if frame not in FRAMES:
-        raise InvalidInput(f"{where}: {unknown_name('frame', frame, FRAMES)}")
-    return frame
-
-
 def _name(place: str, row: Mapping[str, object], names: dict[str, str]) -> str:
-    """Return the name of a row's body, in lower case with dashes for spaces, and add it to ``names``.
-
-    ``place`` is where the row stands, such as "planets.csv, line 4"; ``names`` maps the names of the rows before to
-    their places.  Raises InvalidInput for a malformed name, and for one that ``names`` already has.
-    """
     given = str(row.get("name", "")).strip()
     name = "-".join(given.lower().split())
     if not name or not all(c.isalnum() or c in "-_" for c in name):
@@ -265,11 +230,7 @@ def _number(place: str, row: Mapping[str, object], column: str) -> float:
 
 
 def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], frame: str) -> tuple[Vector, Vector]:
-    """Return (position, velocity) of the central body from its row: zero, unless the frame is barycentric.
-
-    ``chosen`` are the names of the columns of numbers, `CARTESIAN` or `ELEMENTS`; ``place`` is where the row stands.
-    Raises InvalidInput if the row has other numbers than 0 in a heliocentric table.
-    """
+    """Return (position, velocity) of the central body from its row: zero, unless the frame is barycentric."""
     if chosen == CARTESIAN and frame == BARYCENTRIC:
         numbers = [mpmath.mpf(_number(place, row, c)) for c in CARTESIAN]
         return tuple(numbers[:3]), tuple(numbers[3:])
@@ -286,11 +247,7 @@ def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], fra
 
 
 def _of_elements(place: str, row: Mapping[str, object], mu: mpmath.mpf) -> tuple[Vector, Vector]:
-    """Return (position, velocity) about the central body from a row of orbital elements, angles in degrees.
-
-    mu is G times the sum of both masses; ``place`` is where the row stands.  Raises InvalidInput for an orbit that is
-    not bound.
-    """
+    """Return (position, velocity) about the central body from a row of orbital elements, angles in degrees."""
     a, e, *angles = (mpmath.mpf(_number(place, row, c)) for c in ELEMENTS)
     if a <= 0:
         raise InvalidInput(f"{place}, column a: the semi-major axis is {float(a):g}; it must be positive")
@@ -320,10 +277,7 @@ def _anomaly(M: mpmath.mpf, e: mpmath.mpf) -> mpmath.mpf:
 
 
 def _rotation(inc: mpmath.mpf, node: mpmath.mpf, pericentre: mpmath.mpf) -> Callable[..., Vector]:
-    """Make the function (x, y) -> (X, Y, Z) from an orbit's plane, x towards the pericentre, to space.
-
-    Inclination, node and argument of the pericentre are in radians.
-    """
+    """Make the function (x, y) -> (X, Y, Z) from an orbit's plane, x towards the pericentre, to space."""
     cO, sO, co, so = mpmath.cos(node), mpmath.sin(node), mpmath.cos(pericentre), mpmath.sin(pericentre)
     ci, si = mpmath.cos(inc), mpmath.sin(inc)
 
@@ -351,11 +305,7 @@ def _center(vectors: Sequence[Vector], masses: Sequence) -> list[tuple[float, ..
 
 
 def _check_frame(found: Bodies, chosen: tuple[str, ...], where: str) -> None:
-    """Raise InvalidInput, naming the table (``where``), if it is declared barycentric but must be heliocentric.
-
-    This is so if its central body is at rest at the origin, and its barycentre is elsewhere.  ``chosen`` are the names
-    of the columns of numbers, `CARTESIAN` or `ELEMENTS`; only a table with the former is checked.
-    """
+    """Refuse a table that says barycentric with its central body at rest at the origin, where the barycentre is not."""
     first = found.members[0]
     if chosen == ELEMENTS or found.frame != BARYCENTRIC or any(first.x) or any(first.v):
         return

@@ -9,32 +9,21 @@ from pathlib import Path
 from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from .bodies import FRAMES, Bodies, bodies
-from .units import Units, units
+from .units import units
 
 WANTED = "# units: AU, day, Msun"
 COMMENTS = ("units", "frame")
 
 
 def read(path: str | Path) -> Bodies:
-    """Read the bodies of a file such as planets.csv.
-
-    Raises
-    ------
-    InvalidInput
-        For a file that cannot be read or used, naming the line and the column.
-    """
-    path = str(path)
-    return parse(_text(path), path)
-
-
-def _text(path: str) -> str:
+    """Read the bodies of a file such as planets.csv; raise InvalidInput, naming line and column, if it is unusable."""
     file = Path(path)
     if file.is_dir():
         raise InvalidInput(f"{path} is a directory; name a file .csv in it")
     if not file.exists():
         raise InvalidInput(f"there is no file {path}; write one, its first line {WANTED}")
     try:
-        return file.read_bytes().decode("utf-8-sig")
+        return parse(file.read_bytes().decode("utf-8-sig"), str(path))
     except OSError as error:
         raise InvalidInput(f"{path} cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -61,7 +50,10 @@ def parse(text: str, path: str) -> Bodies:
             if word == "frame" and frame not in FRAMES:
                 raise InvalidInput(f"{place}: {unknown_name('frame', frame, FRAMES)}")
             continue
-        cells = _cells(line, place)
+        try:
+            cells = [c.strip() for c in next(csv.reader([line], skipinitialspace=True, strict=True), [])]
+        except csv.Error as error:
+            raise InvalidInput(f"{place}: it is no line of a CSV file: {error}") from None
         if not any(cells):
             continue
         if not heads:
@@ -74,18 +66,6 @@ def parse(text: str, path: str) -> Bodies:
         rows.append((place, dict(zip(heads, cells, strict=True))))
     if not heads:
         raise InvalidInput(f"{path} is empty; write a line {WANTED}, one of columns (name, m, a, e, ...), one a body")
-    return bodies(rows, _units(found_units, path), frame, top, heads)
-
-
-def _cells(line: str, place: str) -> list[str]:
-    try:
-        cells = next(csv.reader([line], skipinitialspace=True, strict=True), [])
-    except csv.Error as error:
-        raise InvalidInput(f"{place}: it is no line of a CSV file: {error}") from None
-    return [c.strip() for c in cells]
-
-
-def _units(found: Units | None, path: str) -> Units:
-    if found is None:
+    if found_units is None:
         raise InvalidInput(f"{path} does not say its units; write a first line such as {WANTED}")
-    return found
+    return bodies(rows, found_units, frame, top, heads)

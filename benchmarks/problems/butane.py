@@ -7,9 +7,6 @@ r"""n-Butane as four united atoms with fixed bonds and angles: a chain that turn
 with the bonds :math:`b_k = r_{k+1} - r_k`, |b_k| = 1, and the angle between neighbours, :math:`b_k\cdot b_{k+1} = 1/3`
 (109.47 degrees), which the distances of second neighbours fix.  phi = 0 is trans.  Units: the bond's 0.153 nm, the mass
 of CH2 (14 atomic units; CH3 has 15/14), and 1000 K k_B, hence the time 0.199 ps.
-
-Source: J.-P. Ryckaert, A. Bellemans, Chem. Phys. Lett. 30 (1975) 123-125 (the torsion a_k); J.-P. Ryckaert,
-G. Ciccotti, H. J. C. Berendsen, J. Comput. Phys. 23 (1977) 327-341 (the molecule).
 """
 
 from math import cos, pi, sin, sqrt
@@ -20,7 +17,7 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 
-from .base import Orbit, Problem, decades
+from .base import Orbit, Problem, decades, floats
 from .gravity import bodies
 
 PARAMETERS = {"phi": 1.0}
@@ -32,7 +29,6 @@ TURN = (0.3, 0.2, -0.4)
 
 
 def _system() -> tuple[ConstrainedHamiltonian, dict[str, sp.Expr]]:
-    """Make the system of the molecule, 12 coordinates with 5 constraints (bonds and angles), and its invariants."""
     q, p, _, _, kept = bodies(4, "xyz")
     r = [sp.Matrix(q[3 * k : 3 * k + 3]) for k in range(4)]
     b = [r[k + 1] - r[k] for k in range(3)]
@@ -46,10 +42,7 @@ def _system() -> tuple[ConstrainedHamiltonian, dict[str, sp.Expr]]:
 
 
 def start(phi: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the state (q, p), arrays (12,), at the torsion angle ``phi`` in radians.
-
-    The molecule turns as a whole about its centre of mass with the angular velocity `TURN`.
-    """
+    """Return the state (q, p), arrays (12,), at the torsion angle ``phi`` in radians, turning as a whole by `TURN`."""
     s, masses = sqrt(8) / 3, np.array(MASSES, dtype=float)[:, None]
     r = np.array([[-1 / 3, -s, 0], [0, 0, 0], [1, 0, 0], [4 / 3, s * cos(phi), s * sin(phi)]])
     r -= (masses * r).sum(axis=0) / masses.sum()
@@ -70,14 +63,7 @@ def make(phi: float) -> Problem:
         cite=("ryckaert1975", "ryckaert1977"),
         system=system,
         orbits=(
-            Orbit(
-                "turning",
-                tuple(map(float, q)),
-                tuple(map(float, p)),
-                f"{phi:g} radians from trans, turning as a whole",
-                decades(10.0),
-            ),
+            Orbit("turning", floats(q), floats(p), f"{phi:g} radians from trans, turning as a whole", decades(10.0)),
         ),
         invariants=kept,
-        parameters={"phi": phi},
     )

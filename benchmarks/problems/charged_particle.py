@@ -36,5 +36,4 @@ def make(phi0: float) -> Problem:
         system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, singular=[R], invariants=[L]),
         orbits=(Orbit("drift", (0.0, -1.0), (0.1 + 1 / 3, 0.01), "velocity (0.1, 0.01)", decades(1000.0)),),
         invariants={"angular-momentum": L},
-        parameters={"phi0": phi0},
     )

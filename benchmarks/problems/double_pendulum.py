@@ -17,19 +17,16 @@ from math import radians, sqrt
 
 import sympy as sp
 
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem, decades
+from .base import Orbit, Problem, check_positive, decades
 
 PARAMETERS = {"m1": 1.0, "m2": 1.0, "l1": 1.0, "l2": 1.0, "g": 1.0}
 
 
 def make(**parameters: float) -> Problem:
     """Make the double pendulum with masses ``m1``, ``m2``, lengths ``l1``, ``l2`` and gravity ``g``, all positive."""
-    for name, value in parameters.items():
-        if not value > 0:
-            raise InvalidInput(f"{name} of the double pendulum is {value}; it must be positive")
+    check_positive("the double pendulum", **parameters)
     m1, m2, l1, l2, g = (sp.Rational(parameters[name]) for name in PARAMETERS)
     q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
     T = m2 * l2**2 * p1**2 + (m1 + m2) * l1**2 * p2**2 - 2 * m2 * l1 * l2 * p1 * p2 * sp.cos(q1 - q2)
@@ -47,5 +44,4 @@ def make(**parameters: float) -> Problem:
             ),
             Orbit("regular", (0.2, 0.2 * sqrt(2)), (0.0, 0.0), "at rest near the slow normal mode", decades(100.0)),
         ),
-        parameters=parameters,
     )

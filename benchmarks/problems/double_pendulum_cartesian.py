@@ -12,10 +12,9 @@ from math import cos, radians, sin, sqrt
 
 import sympy as sp
 
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 
-from .base import Orbit, Problem, decades
+from .base import Orbit, Problem, check_positive, decades
 
 PARAMETERS = {"m1": 1.0, "m2": 1.0, "l1": 1.0, "l2": 1.0, "g": 1.0}
 #: Orbit -> the angles at which it starts, and what it is.
@@ -33,9 +32,7 @@ def _at_rest(a: float, b: float, l1: float, l2: float) -> tuple[float, ...]:
 
 def make(**parameters: float) -> Problem:
     """Make the double pendulum with masses ``m1``, ``m2``, lengths ``l1``, ``l2`` and gravity ``g``, all positive."""
-    for name, value in parameters.items():
-        if not value > 0:
-            raise InvalidInput(f"{name} of the double pendulum is {value}; it must be positive")
+    check_positive("the double pendulum", **parameters)
     m1, m2, l1, l2, g = (sp.Rational(parameters[name]) for name in PARAMETERS)
     x1, y1, x2, y2, u1, v1, u2, v2 = sp.symbols("x1 y1 x2 y2 u1 v1 u2 v2", real=True)
     lengths = parameters["l1"], parameters["l2"]
@@ -55,5 +52,4 @@ def make(**parameters: float) -> Problem:
             Orbit(name, _at_rest(*angles, *lengths), (0.0,) * 4, about, decades(100.0))
             for name, (*angles, about) in STARTS.items()
         ),
-        parameters=parameters,
     )

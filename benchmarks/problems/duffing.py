@@ -28,10 +28,7 @@ WELLS = {"one-well": 1.2, "near-separatrix": 1.4142, "both-wells": 1.8}
 def exact(
     alpha: float | mpmath.mpf, beta: float | mpmath.mpf, a: float | mpmath.mpf, t: float | mpmath.mpf
 ) -> tuple[mpmath.mpf, mpmath.mpf]:
-    """Return (q(t), period) of the Duffing oscillator from rest at the outer turning point a > 0.
-
-    Both are numbers in mpmath's working precision.
-    """
+    """Return (q(t), period) from rest at the outer turning point a > 0, in mpmath's working precision."""
     alpha, beta, a = mpmath.mpf(alpha), mpmath.mpf(beta), mpmath.mpf(a)
     if alpha + beta * a**2 / 2 > 0:
         w = mpmath.sqrt(alpha + beta * a**2)
@@ -43,10 +40,7 @@ def exact(
 
 
 def make(alpha: float, beta: float) -> Problem:
-    """Make the Duffing oscillator H = p^2/2 + alpha q^2/2 + beta q^4/4, ``beta`` > 0.
-
-    With two wells (``alpha`` < 0) it has the orbits of `WELLS`, else the orbit "one-well" from rest at q = 1.
-    """
+    """Make the oscillator, ``beta`` > 0: two wells have the orbits of `WELLS`, one has "one-well" from q = 1."""
     if not beta > 0:
         raise InvalidInput(f"beta is {beta}; it must be positive: the motion is to be bounded")
     q, p = sp.symbols("q p", real=True)
@@ -59,5 +53,4 @@ def make(alpha: float, beta: float) -> Problem:
         cite=("guckenheimer1983",),
         system=Hamiltonian(q=[q], p=[p], H=H),
         orbits=tuple(Orbit(k, (a,), (0.0,), f"at rest at q = {a:g}", decades(200.0)) for k, a in amplitudes.items()),
-        parameters={"alpha": alpha, "beta": beta},
     )

@@ -12,10 +12,9 @@ Start: a corner of the unit cube with its three neighbours, which doubles hold e
 
 import sympy as sp
 
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 
-from .base import Orbit, Pace, Problem, decades
+from .base import Orbit, Problem, check_positive, decades, floats
 from .gravity import bodies
 
 PARAMETERS = {"m1": 1.0, "m2": 0.5, "m3": 0.25, "m4": 0.25}
@@ -26,9 +25,7 @@ TURN = (0.5, 1.0, -0.25)
 
 def make(**parameters: float) -> Problem:
     """Make the problem of a free rigid body of four points with the masses ``m1`` to ``m4``, all positive."""
-    for name, value in parameters.items():
-        if not value > 0:
-            raise InvalidInput(f"{name} of the four points is {value}; it must be positive")
+    check_positive("the four points", **parameters)
     masses = [sp.Rational(parameters[name]) for name in PARAMETERS]
     q, p, pairs, distances, kept = bodies(4, "xyz")
     start = [sp.Matrix(point) for point in POINTS]
@@ -36,6 +33,7 @@ def make(**parameters: float) -> Problem:
     middle = sum((m * x for m, x in zip(masses, start, strict=True)), sp.zeros(3, 1)) / sum(masses)
     turn = sp.Matrix([sp.Rational(w) for w in TURN])
     momenta = [m * turn.cross(x - middle) for m, x in zip(masses, start, strict=True)]
+    about = "a corner of a cube with three neighbours, turning about its centre of mass"
     return Problem(
         id="four-points",
         name="free rigid body, four points by constraints",
@@ -48,16 +46,6 @@ def make(**parameters: float) -> Problem:
             constraints=[(r**2 - length**2) / 2 for r, length in zip(distances, lengths, strict=True)],
             invariants=list(kept.values()),
         ),
-        orbits=(
-            Orbit(
-                "tumbling",
-                tuple(float(x) for point in start for x in point),
-                tuple(float(x) for v in momenta for x in v),
-                "a corner of a cube with three neighbours, turning about its centre of mass",
-                decades(10.0),
-            ),
-        ),
+        orbits=(Orbit("tumbling", floats(start), floats(momenta), about, decades(10.0)),),
         invariants=kept,
-        parameters=parameters,
-        pace=Pace(),
     )

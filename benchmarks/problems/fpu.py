@@ -18,21 +18,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
 import sympy as sp
 
 from phasebench.integrators.compile.codegen import value_kind
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
+from phasebench.integrators.values.kinds import Number
 
-from .base import Orbit, Pace, Problem, decades
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from phasebench.integrators.values.kinds import Number
+from .base import Orbit, Pace, Problem, check_positive, decades, whole
 
 PARAMETERS = {"omega": 50.0, "m": 3}
 #: The most stiff springs.
@@ -40,10 +36,7 @@ LARGEST = 5000
 
 
 def grad_V(w2: Number, sign: int = 1) -> Callable[..., None]:
-    """Make the function f(q, g) that writes ``sign`` times the gradient of the springs' potential V(q) to g.
-
-    w2 is omega^2, the squared frequency of the stiff springs.
-    """
+    """Make the function f(q, g) that writes ``sign`` times the gradient of the springs' V(q) to g; w2 = omega^2."""
 
     def f(q: np.ndarray, g: np.ndarray) -> None:
         m = len(q) // 2
@@ -65,18 +58,12 @@ def grad_V(w2: Number, sign: int = 1) -> Callable[..., None]:
 
 
 def grad_U(w2: Number) -> Callable[..., None]:
-    """Make the function f(q, g) that writes the gradient of the soft springs' potential to g.
-
-    w2 is omega^2, on which this gradient does not depend.
-    """
+    """Make the function f(q, g) that writes the gradient of the soft springs' potential to g; w2 is not used."""
     return grad_V(0 * w2)
 
 
 def field(w2: Number) -> Callable[..., None]:
-    """Make the loop f(q, p, h, lam, dq, dp) that writes the vector field (p, -grad V) of the springs to dq, dp.
-
-    w2 is omega^2; h and lam are not used (see `systems.hand`).
-    """
+    """Make the loop f(q, p, h, lam, dq, dp) of the vector field (p, -grad V), see `systems.hand`; w2 = omega^2."""
     return unit_mass_field(grad_V(w2, -1))
 
 
@@ -104,19 +91,13 @@ def energy(w2: Number) -> Callable[..., tuple[Number, Number]]:
 
 
 def soft_springs(q0: Sequence[Any] | np.ndarray, q1: Sequence[Any] | np.ndarray) -> list:
-    """Return the m + 1 expansions of the soft springs from the left wall to the right.
-
-    q0 and q1 hold the m scaled displacements and the m expansions of the stiff springs: symbols, numbers or arrays.
-    """
+    """Return the m + 1 expansions of the soft springs, from the left, of m displacements q0 and m expansions q1."""
     between = (q0[i + 1] - q1[i + 1] - q0[i] - q1[i] for i in range(len(q0) - 1))
     return [q0[0] - q1[0], *between, q0[-1] + q1[-1]]
 
 
 def formula(omega: float, m: int) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
-    """Return (q, p, H) of the chain of m stiff springs of frequency omega: lists of SymPy symbols, and an expression.
-
-    The m soft coordinates stand before the m stiff ones.
-    """
+    """Return (q, p, H) of m stiff springs of frequency omega; the m soft coordinates stand before the m stiff ones."""
     w = sp.Rational(omega)  # exactly the double
     q0, q1, p0, p1 = (
         sp.symbols([f"{name}{i}" for i in range(1, m + 1)], real=True) for name in ("q0", "q1", "p0", "p1")
@@ -127,15 +108,9 @@ def formula(omega: float, m: int) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.
 
 
 def make(omega: float, m: int) -> Problem:
-    """Make the Fermi-Pasta-Ulam problem with ``m`` stiff springs of frequency ``omega`` > 0.
-
-    Its orbit starts with the first stiff spring excited.
-    """
-    if not omega > 0:
-        raise InvalidInput(f"the frequency omega is {omega}; it must be positive")
-    if m != int(m) or not 1 <= m <= LARGEST:
-        raise InvalidInput(f"the number m of stiff springs is {m}; it must be an integer from 1 to {LARGEST}")
-    m = int(m)
+    """Make the problem of ``m`` stiff springs of frequency ``omega`` > 0, started with the first of them excited."""
+    check_positive("the stiff springs", omega=omega)
+    m = whole("m of stiff springs", m, 1, LARGEST)
     q, p, H = formula(omega, m)
     rest = (0.0,) * (m - 1)
     frequencies = [0] * m + [sp.Rational(omega)] * m
@@ -165,10 +140,7 @@ def make(omega: float, m: int) -> Problem:
 
 
 def oscillatory_energies(made: Problem) -> tuple[sp.Expr, ...]:
-    """Return the energies I_1, ..., I_m of the stiff springs, as expressions; their sum is the adiabatic invariant.
-
-    ``made`` is the problem.
-    """
+    """Return the energies I_1, ..., I_m of the stiff springs of a problem, as expressions."""
     s = made.system
     fast = [(w, q, p) for w, q, p in zip(s.frequencies, s.q, s.p, strict=True) if w != 0]
     return tuple((p**2 + w**2 * q**2) / 2 for w, q, p in fast)

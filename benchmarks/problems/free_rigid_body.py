@@ -13,10 +13,9 @@ rotation is unstable: the body turns over again and again (Dzhanibekov's effect)
 
 from __future__ import annotations
 
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.rigid import RigidBody
 
-from .base import Orbit, Pace, Problem, decades
+from .base import Orbit, Problem, check_positive, decades, floats
 
 PARAMETERS = {"I1": 1.0, "I2": 2.0, "I3": 2.5}
 STARTS = {
@@ -27,9 +26,7 @@ STARTS = {
 
 def make(**parameters: float) -> Problem:
     """Make the problem of the free rigid body with principal moments of inertia ``I1``, ``I2``, ``I3``, positive."""
-    for name, value in parameters.items():
-        if not value > 0:
-            raise InvalidInput(f"{name} of the rigid body is {value}; it must be positive")
+    check_positive("the rigid body", **parameters)
     body = RigidBody(moments=[parameters[name] for name in PARAMETERS])
     states = {name: body.start(attitude=(1, 0, 0, 0), momentum=L) for name, (L, _) in STARTS.items()}
     return Problem(
@@ -39,10 +36,7 @@ def make(**parameters: float) -> Problem:
         cite=("landau1976", "miller2002"),
         system=body,
         orbits=tuple(
-            Orbit(name, tuple(map(float, q)), tuple(map(float, p)), STARTS[name][1], decades(100.0))
-            for name, (q, p) in states.items()
+            Orbit(name, floats(q), floats(p), STARTS[name][1], decades(100.0)) for name, (q, p) in states.items()
         ),
         invariants=body.kept,
-        parameters=parameters,
-        pace=Pace(),
     )

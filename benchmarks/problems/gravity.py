@@ -18,8 +18,7 @@ def bodies(
 ) -> tuple[list[sp.Symbol], list[sp.Symbol], list[tuple[int, int]], list[sp.Expr], dict[str, sp.Expr]]:
     """Make the formulae of N point masses: (symbols q, symbols p, pairs (i, j), their distances, name -> invariant).
 
-    The axes are "xy" or "xyz"; coordinates stand body after body, and their names count bodies from ``first`` on.  The
-    invariants are the total momentum and angular momentum.
+    Coordinates stand body after body; their names have an axis ("xy" or "xyz") and a number, from ``first`` on.
     """
     D = len(axes)
     names = [f"{axis}{i}" for i in range(first, first + N) for axis in axes]
@@ -43,10 +42,7 @@ def newton(
     pairs: Sequence[tuple[int, int]],
     distances: Sequence[sp.Expr],
 ) -> sp.Expr:
-    """Return H = sum |p_i|^2 / (2 m_i) - sum G m_i m_j / r_ij as an expression; masses and G are exact numbers.
-
-    ``pairs`` and ``distances`` are those of `bodies`.
-    """
+    """Return H = sum |p_i|^2 / (2 m_i) - sum G m_i m_j / r_ij, exact; pairs and distances are of `bodies`."""
     D = len(p) // len(masses)
     T = (x**2 / (2 * masses[i // D]) for i, x in enumerate(p))
     V = (-G * masses[i] * masses[j] / r for (i, j), r in zip(pairs, distances, strict=True))
@@ -54,10 +50,7 @@ def newton(
 
 
 def kepler_part(masses: Sequence, G: sp.Rational | int, order: Sequence[int], dimension: int = 3) -> KeplerPart:
-    """Return the Kepler part of H in Jacobi's coordinates: the sum of Kepler problems that Wisdom-Holman methods solve.
-
-    The bodies are taken in ``order`` (indices, the central one first); masses and G are exact numbers.
-    """
+    """Return the Kepler part of H in Jacobi's coordinates, bodies in ``order`` (indices, the central one first)."""
     part = jacobi([masses[i] for i in order], G, dimension)
     place = {body: column for column, body in enumerate(order)}
     change = tuple(tuple(row[place[i]] for i in range(len(masses))) for row in part.change)

@@ -14,10 +14,9 @@ body's axes.
 
 from __future__ import annotations
 
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.rigid import RigidBody
 
-from .base import Orbit, Pace, Problem, decades
+from .base import Orbit, Problem, check_positive, decades, floats
 
 PARAMETERS = {"I1": 1.0, "I2": 1.0, "I3": 0.5, "x1": 0.0, "x3": 1.0}
 STARTS = {
@@ -27,16 +26,11 @@ STARTS = {
 
 
 def make(**parameters: float) -> Problem:
-    """Make the problem of the heavy top with moments of inertia ``I1``, ``I2``, ``I3``, all positive.
-
-    (``x1``, 0, ``x3``) is its weight times the centre of mass, in the body.
-    """
-    for name in ("I1", "I2", "I3"):
-        if not parameters[name] > 0:
-            raise InvalidInput(f"{name} of the top is {parameters[name]}; it must be positive")
-    moments = [parameters[name] for name in ("I1", "I2", "I3")]
+    """Make the top of moments ``I1``, ``I2``, ``I3`` > 0; (``x1``, 0, ``x3``) is its weight times the centre."""
+    moments = {name: parameters[name] for name in ("I1", "I2", "I3")}
+    check_positive("the top", **moments)
     weights = {f"r3{k}": parameters[f"x{k}"] for k in (1, 3) if parameters[f"x{k}"] != 0}
-    top = RigidBody(moments=moments, V=" + ".join(f"({x!r})*{name}" for name, x in weights.items()) or "0")
+    top = RigidBody(moments=[*moments.values()], V=" + ".join(f"({x!r})*{name}" for name, x in weights.items()) or "0")
     states = {name: top.start(attitude=(0.8, 0.6, 0, 0), momentum=L) for name, (L, _) in STARTS.items()}
     return Problem(
         id="heavy-top",
@@ -45,10 +39,7 @@ def make(**parameters: float) -> Problem:
         cite=("landau1976", "miller2002"),
         system=top,
         orbits=tuple(
-            Orbit(name, tuple(map(float, q)), tuple(map(float, p)), STARTS[name][1], decades(100.0))
-            for name, (q, p) in states.items()
+            Orbit(name, floats(q), floats(p), STARTS[name][1], decades(100.0)) for name, (q, p) in states.items()
         ),
         invariants=top.kept,
-        parameters=parameters,
-        pace=Pace(),
     )

@@ -18,10 +18,7 @@ SCENES = (
 
 
 def _orbit(name: str, H0: float, q2: float, times: tuple[float, ...]) -> Orbit:
-    """Make the orbit ``name`` from q = (0, q2), p = (p1, 0), where p1 > 0 is such that H = H0, rounded to double.
-
-    ``times`` are those of certified states.
-    """
+    """The orbit from q = (0, q2), p = (p1, 0), p1 > 0 such that H = H0, rounded to double."""
     p1 = (2 * H0 - q2**2 + 2 * q2**3 / 3) ** 0.5
     return Orbit(name, (0.0, q2), (p1, 0.0), f"{name} orbit, H0 = {H0:.6g}", times)
 

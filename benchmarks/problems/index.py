@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from math import isfinite
-from numbers import Integral, Real
+from numbers import Integral
 
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.request import is_finite
 
 #: Id -> (module, one line, its orbits: the first is the default).  A test compares it with the modules.
 PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
@@ -61,32 +61,21 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 
 
 def plain(value: object) -> object:
-    """Return a finite real number of any type as int or float, and anything else unchanged.
-
-    Equal values then share an entry of a cache.
-    """
-    if not _finite(value):
+    """Return a finite real number of any type as int or float (equal keys of a cache), and anything else unchanged."""
+    if not is_finite(value):
         return value
     return int(value) if isinstance(value, Integral) else float(value)
 
 
-def _finite(value: object) -> bool:
-    try:
-        return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
-    except OverflowError:  # a whole number, or a fraction of such, beyond the doubles
-        return False
-
-
 def real_parameters(what: str, known: Iterable[str], values: Mapping[str, object]) -> dict[str, int | float]:
-    """Return parameters, name -> value, as ints and floats.
+    """Return parameters, name -> value, as ints and floats; ``what`` names their owner in messages.
 
-    Raises InvalidInput for a name that is not ``known`` and for a value that is no finite number; ``what`` names their
-    owner in messages.
+    Raises InvalidInput for a name that is not ``known`` and for a value that is no finite number.
     """
     for key, value in values.items():
         if key not in known:
             has = f"has {', '.join(known)}" if known else "has none"
             raise InvalidInput(f"{what} has no parameter '{key}'; it {has}")
-        if not _finite(value):
+        if not is_finite(value):
             raise InvalidInput(f"the parameter {key} of {what} is {value!r:.80}; it must be a finite number")
     return {key: plain(value) for key, value in values.items()}

@@ -65,6 +65,5 @@ def make(e: float) -> Problem:
             "laplace-runge-lenz-1": p2 * L - q1 / r,
             "laplace-runge-lenz-2": -p1 * L - q2 / r,
         },
-        parameters={"e": e},
         pace=PACE,
     )

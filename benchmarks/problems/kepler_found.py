@@ -18,10 +18,7 @@ HEAVY = 5
 
 
 def with_kepler_part(system: PartitionedSystem, q0: Sequence[float]) -> PartitionedSystem:
-    """Return a system with the Kepler part found in its H; unchanged if it declares one, or none is found.
-
-    q0, the initial coordinates, orders the bodies by distance.
-    """
+    """Return a system with the Kepler part found in its H at q0, unless it declares one or none is found."""
     if not system.canonical or system.loops or system.kepler is not None:
         return system
     part = kepler_part(system, q0)
@@ -55,7 +52,6 @@ def kepler_part(system: Hamiltonian, q0: Sequence[float]) -> KeplerPart | None:
 
 
 def _square(q0: Sequence[float], i: int, j: int, dimension: int) -> float:
-    """Return the squared distance of bodies i and j in q0, coordinates body by body in ``dimension`` axes."""
     return sum((q0[dimension * i + k] - q0[dimension * j + k]) ** 2 for k in range(dimension))
 
 

@@ -21,36 +21,18 @@ if TYPE_CHECKING:
 PROBLEMS = digest.of_folder("benchmarks.problems")
 
 
-def load_or_make(id: str, parameters: Mapping[str, float], make: Callable[[], Problem]) -> Problem:
-    """Return the registered problem ``id`` from the cache on disk, or else from ``make``, and cache it.
+def load_or_make(content: tuple, recipe: Callable[[], Problem]) -> Problem:
+    """Return the problem that ``content`` determines from the cache on disk; if it is not there, make and store it.
 
-    ``make`` takes no arguments and can be pickled.
+    ``recipe`` makes it and can be pickled: it is stored with the problem, and called when one from the cache needs its
+    formulae.  A problem whose system runs on hand-written loops is not stored.
     """
-    return of_key(deferred.key_of(PROBLEMS, id, sorted(parameters.items())), make, make)
-
-
-def of_content(content: tuple, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
-    """Return the problem determined by ``content`` (such as a table of bodies), from the cache on disk or ``make``.
-
-    ``recipe`` is a function that makes the same problem as ``make`` and can be pickled: it is stored with the problem,
-    and called when a problem from the cache needs its formulae.
-    """
-    return of_key(deferred.key_of(PROBLEMS, content), recipe, make)
-
-
-def of_key(key: str, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
-    """Return the problem stored in the cache on disk under a key; if it is not there, call ``make`` and store it.
-
-    A problem whose system runs on hand-written loops is not stored.
-
-    ``recipe`` is a function that makes the same problem as ``make`` and can be pickled: it is stored with the problem,
-    and called when a problem from the cache needs its formulae.
-    """
+    key = deferred.key_of(PROBLEMS, *content)
     entry = f"p-{key}.pickle"
     found = deferred.load(entry)
     if found is not None:
         return found
-    made = make()
+    made = recipe()
     if not made.system.loops:
         shell = deferred.shell(made.system, key, partial(_system, recipe))
         invariants = deferred.Named(made.invariants, partial(_invariants, recipe))

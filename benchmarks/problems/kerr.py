@@ -16,9 +16,6 @@ The system here is :math:`H = g\,(K + \tfrac12) = 0` with :math:`g = \Sigma / r^
 Carter's constant :math:`p_\theta^2 + \cos^2\theta\,\bigl(a^2(1 - E^2) + L^2/\sin^2\theta\bigr)` is conserved on H = 0.
 
 Start: in the equatorial plane with p_r = 0; p_theta is what H = 0 gives.
-
-Source: X. Wu, Y. Wang, W. Sun, F. Liu, Astrophys. J. 914 (2021) 63, arXiv:2106.12356; B. Carter, Phys. Rev. 174 (1968)
-1559-1571.
 """
 
 from __future__ import annotations
@@ -37,10 +34,7 @@ RADIUS = 11.0
 
 
 def make(a: float, E: float, L: float) -> Problem:
-    """Make the problem of a black hole of spin ``a``, |a| < 1, and a body of energy ``E``, angular momentum ``L``.
-
-    Raises InvalidInput if no such orbit passes r = `RADIUS`.
-    """
+    """Make the problem of spin |``a``| < 1, energy ``E``, momentum ``L``; InvalidInput if no orbit passes `RADIUS`."""
     if not abs(a) < 1:
         raise InvalidInput(f"the spin a is {a}; it must be between -1 and 1")
     delta = RADIUS**2 - 2 * RADIUS + a**2
@@ -62,6 +56,5 @@ def make(a: float, E: float, L: float) -> Problem:
         cite=("carter1968", "wu2021"),
         system=SplitHamiltonian(q=[r, theta], p=[pr, pt], parts=parts, singular=[sp.numer(sp.together(hole))]),
         orbits=(Orbit("bound", (RADIUS, pi / 2), (0.0, sqrt(square)), "from r = 11 with p_r = 0", decades(1000.0)),),
-        parameters={"a": a, "E": E, "L": L},
         pace=Pace(unit=36.0, step=7.0, span=115.0, later=40.0),
     )

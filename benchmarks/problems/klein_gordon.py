@@ -27,7 +27,6 @@ from cmath import exp
 from collections.abc import Callable
 from fractions import Fraction
 from math import cosh, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -37,11 +36,9 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, part, unit_mass_field
 from phasebench.integrators.systems.multisymplectic import Equation
+from phasebench.integrators.values.kinds import Number
 
-from .base import Orbit, Pace, Problem
-
-if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number
+from .base import Orbit, Pace, Problem, whole
 
 PARAMETERS = {"N": 64, "L": 40.0}
 #: The most points; the least and greatest length at which the initial data are finite.
@@ -51,10 +48,7 @@ K = 1.0
 
 
 def grad_V(a: Number, b: Number, sign: int = 1) -> Callable[..., None]:
-    """Make the function f(q, g) that writes ``sign`` times grad V to g, for H = |p|^2 / 2 + V(q) on the grid.
-
-    a = 1 / dx^2, b = 1 / dx.
-    """
+    """Make the function f(q, g) that writes ``sign`` times grad V to g; a = 1 / dx^2, b = 1 / dx."""
 
     @part
     def at(j: int, left: int, right: int, x: np.ndarray, y: np.ndarray, g_x: np.ndarray, g_y: np.ndarray) -> None:
@@ -74,18 +68,12 @@ def grad_V(a: Number, b: Number, sign: int = 1) -> Callable[..., None]:
 
 
 def field(a: Number, b: Number) -> Callable[..., None]:
-    """Make the loop f(q, p, h, lam, dq, dp) that writes the vector field (H_p, -H_q) = (p, -grad V) to dq, dp.
-
-    a = 1 / dx^2, b = 1 / dx; h and lam are not used (see `systems.hand`).
-    """
+    """Make the loop f(q, p, h, lam, dq, dp) of the vector field (p, -grad V), see `systems.hand`."""
     return unit_mass_field(grad_V(a, b, -1))
 
 
 def energy(a: Number, b: Number) -> Callable[..., tuple[Number, Number]]:
-    """Make the function f(q, p) -> (H, M) of the grid; H's round-off is about M machine epsilons.
-
-    a = 1 / dx^2, b = 1 / dx.
-    """
+    """Make the function f(q, p) -> (H, M) of the grid; H's round-off is about M machine epsilons."""
 
     def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         n = len(q) // 2
@@ -113,10 +101,7 @@ def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
 
 
 def formula(N: int, L: float) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
-    """Return (q, p, H) of the Klein-Gordon equation on N points of a period L.
-
-    q and p are lists of 2 N symbols (real parts, then imaginary ones), H is an expression.
-    """
+    """Return (q, p, H) on N points of a period L: 2 N symbols each, real parts before imaginary ones."""
     q, p = (sp.symbols([f"{x}{j}" for j in range(2 * N)], real=True) for x in "qp")
     a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
     bending = [a * (x[(j + 1) % N] - x[j]) ** 2 / 2 for j in range(N) for x in (q[:N], q[N:])]
@@ -125,11 +110,7 @@ def formula(N: int, L: float) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr
 
 
 def multisymplectic(strength: float = 1.0) -> Equation:
-    """Return the Klein-Gordon equation in multisymplectic form, K z_t + L z_x = grad S(z).
-
-    z = (q, p, w) has two components for each of q, p, w: phi = q_1 + i q_2, p its rate and w its slope.  The cubic term
-    is multiplied by ``strength``.
-    """
+    """Return K z_t + L z_x = grad S(z), z = (q, p, w) of two components each; ``strength`` is of the cubic term."""
     K, L = np.zeros((6, 6)), np.zeros((6, 6))
     K[[0, 1], [2, 3]], K[[2, 3], [0, 1]] = -1.0, 1.0
     L[[0, 1], [4, 5]], L[[4, 5], [0, 1]] = 1.0, -1.0
@@ -154,24 +135,16 @@ def multisymplectic(strength: float = 1.0) -> Equation:
 
 
 def packet(x: float, A: float, direction: int, charge: int) -> tuple[complex, complex]:
-    """Return (phi, phi_t) at x of a wave packet centred at 0 that moves in ``direction`` (1 or -1).
-
-    A is its amplitude, ``charge`` (1 or -1) the sign of its charge.
-    """
+    """Return (phi, phi_t) at x of a packet of amplitude A about 0; ``direction`` and ``charge`` are signs +-1."""
     phi = A * exp(1j * direction * charge * K * x) / cosh(x)
     return phi, -1j * charge * sqrt(1 + K**2) * phi
 
 
 def make(N: int, L: float) -> Problem:
-    """Make the problem of the Klein-Gordon equation on ``N`` >= 3 points of a period ``L``.
-
-    For many points the system is made of hand-written loops in place of derived formulae.
-    """
-    if int(N) != N or not 3 <= N <= LARGEST:
-        raise InvalidInput(f"the number N of points is {N}; it must be an integer from 3 to {LARGEST}")
+    """Make the problem on ``N`` >= 3 points of a period ``L``; for many points it is made of loops."""
     if min(max(L, SHORTEST), LONGEST) != L:
         raise InvalidInput(f"the length L is {L}; it must be between {SHORTEST} and {LONGEST}")
-    N = int(N)
+    N = whole("N of points", N, 3, LARGEST)
     q, p, H = formula(N, L)
     charge = sp.Add(*(q[j] * p[N + j] - q[N + j] * p[j] for j in range(N)))
     if value_kind(2 * N) == "tuple":

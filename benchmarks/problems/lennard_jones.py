@@ -11,11 +11,12 @@ H = -1260.2 K k_B.
 
 from math import sqrt
 
+import numpy as np
 import sympy as sp
 
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Pace, Problem
+from .base import Orbit, Pace, Problem, floats
 from .gravity import bodies
 
 PARAMETERS: dict[str, float] = {}
@@ -30,6 +31,7 @@ def make() -> Problem:
     """Make the problem of the seven argon atoms, which has no parameters."""
     q, p, _, distances, kept = bodies(len(POSITIONS), "xy")
     speed = sqrt(EPSILON * BOLTZMANN / MASS)  # m/s = nm/ns
+    where, velocities = floats(np.array(POSITIONS) / SIGMA), floats(np.array(VELOCITIES) / speed)
     H = sp.Add(*(x**2 / 2 for x in p)) + sp.Add(*(4 * (r**-12 - r**-6) for r in distances))
     return Problem(
         id="lennard-jones",
@@ -37,15 +39,7 @@ def make() -> Problem:
         source="Hairer, Lubich & Wanner 2006, I.4; Biesiadecki & Skeel 1993, J. Comput. Phys. 109, 318-328",
         cite=("hairer2006", "biesiadecki1993"),
         system=Hamiltonian(q=q, p=p, H=H, singular=distances, invariants=kept.values()),
-        orbits=(
-            Orbit(
-                "argon",
-                tuple(x / SIGMA for at in POSITIONS for x in at),
-                tuple(v / speed for velocity in VELOCITIES for v in velocity),
-                "seven atoms of 22.72 K",
-                (0.1, 1.0, 10.0),
-            ),
-        ),
+        orbits=(Orbit("argon", where, velocities, "seven atoms of 22.72 K", (0.1, 1.0, 10.0)),),
         invariants=kept,
         pace=Pace(unit=0.2, step=0.005, span=0.5, later=0.1),
     )

@@ -20,7 +20,7 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Pace, Problem, decades
+from .base import Orbit, Problem, decades
 
 PARAMETERS = {"L": 10.0}
 #: Position and velocity at the start.
@@ -44,6 +44,4 @@ def make(L: float) -> Problem:
         system=Hamiltonian(q=[x, y, z], p=[px, py, pz], H=H, invariants=[angular]),
         orbits=(Orbit("trapped", START, p, "velocity (0, 0.3, 0.2)", decades(1000.0)),),
         invariants={"angular-momentum": angular},
-        parameters={"L": L},
-        pace=Pace(),
     )

@@ -11,8 +11,6 @@ the time is the particle's proper time.
 Without the field it is integrable; with it orbits may be chaotic.  The horizon r = 2 is a singularity.
 
 Start: in the equatorial plane with p_r = 0; p_theta is what H = -1/2 gives.
-
-Source: Y. Wang, W. Sun, F. Liu, X. Wu, Astrophys. J. 907 (2021) 66, arXiv:2102.00373.
 """
 
 from __future__ import annotations
@@ -31,10 +29,7 @@ RADII = {"inner": 11.0, "outer": 70.0}
 
 
 def start(r: float, E: float, L: float, beta: float) -> float:
-    """Return the p_theta > 0 for which H = -1/2 at ``r``, theta = pi/2, p_r = 0; raise InvalidInput if there is none.
-
-    E, L and beta are the parameters of `make`.
-    """
+    """Return p_theta > 0 with H = -1/2 at ``r``, theta = pi/2, p_r = 0; raise InvalidInput if there is none."""
     square = r * r * (E * E / (1 - 2 / r) - 1) - (L - beta / 2 * r * r) ** 2
     if not square > 0:
         raise InvalidInput(f"no orbit passes r = {r:g} with E = {E:g}, L = {L:g}, beta = {beta:g}")
@@ -42,10 +37,7 @@ def start(r: float, E: float, L: float, beta: float) -> float:
 
 
 def make(E: float, L: float, beta: float) -> Problem:
-    """Make the problem of a charged particle around a Schwarzschild black hole in a uniform magnetic field.
-
-    ``E`` and ``L`` are the particle's energy and angular momentum, ``beta`` is its charge times the field.
-    """
+    """Make the problem of a particle of energy ``E``, angular momentum ``L``, and charge times the field ``beta``."""
     r, theta, pr, pt = sp.symbols("r theta p_r p_theta", real=True)
     E_, L_, b = map(sp.Rational, (E, L, beta))
     rho = r**2 * sp.sin(theta) ** 2
@@ -65,6 +57,5 @@ def make(E: float, L: float, beta: float) -> Problem:
             Orbit(name, (x, pi / 2), (0.0, start(x, E, L, beta)), f"from r = {x:g} with p_r = 0", decades(1000.0))
             for name, x in RADII.items()
         ),
-        parameters={"E": E, "L": L, "beta": beta},
         pace=Pace(unit=36.0, step=7.0, span=115.0, later=40.0),
     )

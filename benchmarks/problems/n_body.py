@@ -18,21 +18,17 @@ from collections.abc import Callable
 from fractions import Fraction
 from math import cos, pi, sin, sqrt
 from random import Random
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 
 from phasebench.integrators.compile.codegen import value_kind
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
+from phasebench.integrators.values.kinds import Number
 
-from .base import Orbit, Pace, Problem
+from .base import Orbit, Pace, Problem, whole
 from .gravity import bodies
-
-if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number
 
 PARAMETERS = {"N": 3}
 #: The most bodies; the seed of the random start; radii beyond this are drawn again, as in the recipe.
@@ -42,10 +38,7 @@ PYTHAGOREAN = ((3, (1.0, 3.0, 0.0)), (4, (-2.0, -1.0, 0.0)), (5, (1.0, -1.0, 0.0
 
 
 def plummer(N: int) -> tuple[list[float], list[float]]:
-    """Draw a random Plummer sphere of N bodies, always the same: (positions, velocities), 3 N numbers each.
-
-    The barycentre is at rest at the origin.
-    """
+    """Draw a Plummer sphere, always the same: (positions, velocities), 3 N numbers each; the barycentre rests at 0."""
     draw = Random(SEED).random
 
     def direction(size: float) -> tuple[float, float, float]:
@@ -88,18 +81,12 @@ def grad_V(strength: Number, sign: int = 1) -> Callable[..., None]:
 
 
 def field(strength: Number) -> Callable[..., None]:
-    """Make the loop f(q, p, h, lam, dq, dp) that writes the vector field (p, -grad V) to dq, dp.
-
-    V = -sum over pairs of ``strength`` / r_ij; h and lam are not used (see `systems.hand`).
-    """
+    """Make the loop f(q, p, h, lam, dq, dp) of the vector field (p, -grad V), see `systems.hand`."""
     return unit_mass_field(grad_V(strength, -1))
 
 
 def energy(strength: Number) -> Callable[..., tuple[Number, Number]]:
-    """Make the function f(q, p) -> (H, M); H's round-off is about M machine epsilons.
-
-    H = |p|^2 / 2 + V with V = -sum over pairs of ``strength`` / r_ij.
-    """
+    """Make the function f(q, p) -> (H, M); H's round-off is about M machine epsilons."""
 
     def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         T = U = S = 0 * q[0]
@@ -126,9 +113,7 @@ def nearest(Q: np.ndarray, P: np.ndarray) -> np.ndarray:
 
 def make(N: int) -> Problem:
     """Make the gravitational problem of 2 <= ``N`` <= `LARGEST` bodies."""
-    if int(N) != N or not 2 <= N <= LARGEST:
-        raise InvalidInput(f"the number N of bodies is {N}; it must be an integer from 2 to {LARGEST}")
-    N = int(N)
+    N = whole("N of bodies", N, 2, LARGEST)
     q, p, pairs, distances, kept = bodies(N, "xyz")
     if N == 3:
         m = [mass for mass, _ in PYTHAGOREAN]

@@ -23,7 +23,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 from math import cos, cosh, pi, sin, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
@@ -33,11 +32,9 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, part
 from phasebench.integrators.systems.multisymplectic import Equation
+from phasebench.integrators.values.kinds import Number
 
-from .base import Orbit, Pace, Problem
-
-if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number
+from .base import Orbit, Pace, Problem, whole
 
 PARAMETERS = {"N": 64, "L": 4 * sqrt(2) * pi}
 #: The most points; the least and greatest length at which the initial data are finite.
@@ -45,10 +42,7 @@ LARGEST, SHORTEST, LONGEST = 4096, 1e-3, 500.0
 
 
 def field(a: Number, b: Number) -> Callable[..., None]:
-    """Make the loop f(q, p, h, lam, dq, dp) that writes the vector field (H_p, -H_q) to dq, dp.
-
-    a = 1 / dx^2, b = 2 / dx; h and lam are not used (see `systems.hand`).
-    """
+    """Make the loop f(q, p, h, lam, dq, dp) of the vector field, see `systems.hand`; a = 1 / dx^2, b = 2 / dx."""
 
     @part
     def at(j: int, left: int, right: int, q: np.ndarray, p: np.ndarray, dq: np.ndarray, dp: np.ndarray) -> None:
@@ -67,10 +61,7 @@ def field(a: Number, b: Number) -> Callable[..., None]:
 
 
 def energy(a: Number, b: Number) -> Callable[..., tuple[Number, Number]]:
-    """Make the function f(q, p) -> (H, M) of the grid; H's round-off is about M machine epsilons.
-
-    a = 1 / dx^2, b = 2 / dx.
-    """
+    """Make the function f(q, p) -> (H, M) of the grid; H's round-off is about M machine epsilons."""
 
     def f(q: np.ndarray, p: np.ndarray) -> tuple[Number, Number]:
         n = len(q)
@@ -96,10 +87,7 @@ def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
 
 
 def formula(N: int, L: float) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
-    """Return (q, p, H) of the nonlinear Schroedinger equation on N points of a period L.
-
-    q and p are lists of N symbols, H is an expression.
-    """
+    """Return (q, p, H) on N points of a period L: lists of N symbols, and an expression."""
     q, p = (sp.symbols([f"{x}{j}" for j in range(N)], real=True) for x in "qp")
     a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
     bending = [a * (x[(j + 1) % N] - x[j]) ** 2 / 2 for j in range(N) for x in (q, p)]
@@ -107,10 +95,7 @@ def formula(N: int, L: float) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr
 
 
 def multisymplectic(strength: float = 1.0) -> Equation:
-    """Return the nonlinear Schroedinger equation in multisymplectic form, K z_t + L z_x = grad S(z).
-
-    z = (q, p, v, w), psi = q + ip with the slope v + iw; the cubic term is multiplied by ``strength``.
-    """
+    """Return K z_t + L z_x = grad S(z) with z = (q, p, v, w); ``strength`` multiplies the cubic term."""
     K, L = np.zeros((4, 4)), np.zeros((4, 4))
     K[0, 1], K[1, 0] = 1.0, -1.0
     L[[0, 1], [2, 3]], L[[2, 3], [0, 1]] = -1.0, 1.0
@@ -134,15 +119,10 @@ def multisymplectic(strength: float = 1.0) -> Equation:
 
 
 def make(N: int, L: float) -> Problem:
-    """Make the problem of the nonlinear Schroedinger equation on ``N`` >= 3 points of a period ``L``.
-
-    For many points the system is made of hand-written loops in place of derived formulae.
-    """
-    if int(N) != N or not 3 <= N <= LARGEST:
-        raise InvalidInput(f"the number N of points is {N}; it must be an integer from 3 to {LARGEST}")
+    """Make the problem on ``N`` >= 3 points of a period ``L``; for many points it is made of loops."""
     if min(max(L, SHORTEST), LONGEST) != L:
         raise InvalidInput(f"the length L is {L}; it must be between {SHORTEST} and {LONGEST}")
-    N = int(N)
+    N = whole("N of points", N, 3, LARGEST)
     q, p, H = formula(N, L)
     mass = sp.Add(*(x**2 for x in (*q, *p)))
     if value_kind(N) == "tuple":

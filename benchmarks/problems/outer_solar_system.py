@@ -4,12 +4,13 @@ Units: astronomical units, days, solar masses.  H = sum |p_i|^2 / (2 m_i) - G su
 rest at the origin in the beginning; the momenta are m v, rounded to double.
 """
 
+import numpy as np
 import sympy as sp
 
 from phasebench.integrators.families.wisdom_holman import jacobi
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Pace, Problem, decades
+from .base import Orbit, Pace, Problem, decades, floats
 from .gravity import bodies, newton
 
 PARAMETERS: dict[str, float] = {}
@@ -29,13 +30,11 @@ def make() -> Problem:
     """Make the problem of the outer solar system, which has no parameters."""
     q, p, pairs, distances, kept = bodies(len(BODIES), "xyz", first=0)
     masses, exact = [sp.Rational(m) for m, _, _ in BODIES.values()], sp.Rational(G)
-    start = Orbit(
-        "september-1994",
-        tuple(x for _, where, _ in BODIES.values() for x in where),
-        tuple(m * v for m, _, velocity in BODIES.values() for v in velocity),
-        "the positions and velocities of September 5, 1994",
-        decades(500_000.0),
+    where, momenta = (
+        floats([x for _, x, _ in BODIES.values()]),
+        floats([np.multiply(m, v) for m, _, v in BODIES.values()]),
     )
+    about = "the positions and velocities of September 5, 1994"
     return Problem(
         id="outer-solar-system",
         name="outer solar system",
@@ -49,7 +48,7 @@ def make() -> Problem:
             invariants=kept.values(),
             kepler=jacobi(masses, exact),
         ),
-        orbits=(start,),
+        orbits=(Orbit("september-1994", where, momenta, about, decades(500_000.0)),),
         invariants=kept,
         time_unit="day",
         pace=Pace(unit=400.0, step=100.0, span=2500.0, later=700.0),

@@ -16,10 +16,7 @@ SCENES = (
 
 
 def make(e: float, mu: float) -> Problem:
-    """Make the Kepler problem with the Schwarzschild term -``mu`` / (3 r^3).
-
-    0 <= ``e`` < 1 is the eccentricity of the unperturbed orbit from the same start.
-    """
+    """Make the problem; 0 <= ``e`` < 1 is the eccentricity of the orbit without the term, from the same start."""
     q1, q2, p1, p2, r, L = plane()
     H = (p1**2 + p2**2) / 2 - 1 / r - sp.Rational(mu) / (3 * r**3)
     return Problem(
@@ -30,6 +27,5 @@ def make(e: float, mu: float) -> Problem:
         system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, singular=[r], invariants=[L], kepler=KeplerPart(2, (1,), (1,))),
         orbits=(pericentre(e, decades(1000.0)),),
         invariants={"angular-momentum": L},
-        parameters={"e": e, "mu": mu},
         pace=PACE,
     )

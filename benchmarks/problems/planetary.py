@@ -21,14 +21,17 @@ from math import pi, sqrt
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from phasebench.integrators.compile.lazy import sympy as sp
-from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from . import bodies_file, kept
-from .base import Orbit, Pace, Problem
+from .base import Orbit, Pace, Problem, floats
 from .bodies import Bodies, bodies
-from .units import Units, units
+from .units import Units
+from .units import units as units_of
 
 NAME = "planetary system"
 #: Families whose steps depend on the sizes of q and p, of which a test particle's are arbitrary.
@@ -37,20 +40,12 @@ GRADIENTS = ("discrete_gradient", "projection")
 
 @dataclass(frozen=True)
 class PlanetarySystem(Problem):
-    """A problem of bodies that move about a central one.
-
-    Attributes
-    ----------
-    bodies : the bodies, the central one first, with their masses, positions and velocities (`Bodies`)
-    """
+    """A problem of ``bodies`` that move about a central one: masses, positions and velocities."""
 
     bodies: Bodies | None = None
 
     def refuses(self, record: Any) -> str | None:
-        """Return why a method is unsuitable for a system with test particles; None if it is suitable.
-
-        Unsuitable are methods that move states along gradients of invariants; ``record`` describes the method.
-        """
+        """Return why a method that moves states along gradients is unsuitable for test particles; None if it is not."""
         particles = self.bodies.particles
         if not particles or getattr(record, "family", None) not in GRADIENTS:
             return None
@@ -75,16 +70,11 @@ class PlanetarySystem(Problem):
         return of_bodies(self.bodies.without(names), f"{self.id} without {', '.join(names)}")
 
     def massless(self, *names: str) -> PlanetarySystem:
-        """Return this system with the named bodies as test particles.
-
-        Raises InvalidInput for an unknown name, and for the central body.
-        """
+        """Return this system with the named bodies as test particles; raises as `without`."""
         self._check(names)
         return of_bodies(self.bodies.massless(names), f"{self.id} with massless {', '.join(names)}")
 
     def _check(self, names: Iterable[str]) -> None:
-        from phasebench.integrators.errors import unknown_name
-
         others = self.bodies.names[1:]
         for name in names:
             if name not in others:
@@ -135,18 +125,11 @@ def planetary_system(
         return from_file(table)
     rows = _rows(table)
     heads = list(dict.fromkeys(str(column) for _, row in rows for column in row))
-    return of_bodies(bodies(rows, _units(units), frame, "the table", heads), id)
-
-
-def _units(text: str) -> Units:
-    return units(text, "units=") if text else Units()
+    found_units = units_of(units, "units=") if units else Units()
+    return of_bodies(bodies(rows, found_units, frame, "the table", heads), id)
 
 
 def _rows(table: Mapping[str, Iterable[Any]] | Iterable[Mapping[str, Any]]) -> list[tuple[str, dict[str, Any]]]:
-    """Return a pair ("row 1", column -> value) for each row of a table: a DataFrame, columns, or rows.
-
-    Raises InvalidInput for any other object, and for columns of different lengths.
-    """
     if hasattr(table, "to_dict"):
         table = table.to_dict("list")
     try:
@@ -174,17 +157,12 @@ def from_file(path: str | Path, **parameters: float | str) -> PlanetarySystem:
 
 def of_bodies(found: Bodies, id: str) -> PlanetarySystem:
     """Return the problem, with the given id, of a checked table of bodies, from the cache on disk if it is there."""
-    content = found.content
-    made = kept.of_content(("planetary", *content), partial(_build_from_content, content), lambda: _build(found))
+    made = kept.load_or_make(("planetary", *found.content), partial(build, found))
     return replace(made, id=id, bodies=found)
 
 
-def _build_from_content(content: tuple) -> PlanetarySystem:
-    return _build(Bodies.of_content(content))
-
-
-def _build(found: Bodies) -> PlanetarySystem:
-    """Build the Hamiltonian problem of a table of bodies: H, start, invariants, Kepler part."""
+def build(found: Bodies) -> PlanetarySystem:
+    """Build the problem of a checked table of bodies: H, start, invariants, Kepler part."""
     from . import gravity
 
     N, G = len(found.members), sp.Rational(found.units.G)
@@ -200,8 +178,7 @@ def _build(found: Bodies) -> PlanetarySystem:
         kepler=gravity.kepler_part(masses, G, found.order()),
     )
     positions, velocities = found.start()
-    momenta = [m * v for m, row in zip(found.masses, velocities, strict=True) for v in row]
-    start = Orbit("start", tuple(x for row in positions for x in row), tuple(momenta), f"{found.frame} data")
+    start = Orbit("start", floats(positions), floats(np.transpose([found.masses]) * velocities), f"{found.frame} data")
     return PlanetarySystem(
         id=NAME,
         name=NAME,
@@ -216,7 +193,6 @@ def _build(found: Bodies) -> PlanetarySystem:
 
 
 def _pace(found: Bodies) -> Pace:
-    """Return the time scales of the motion of the innermost body."""
     a = min(found.semi_axes())
     period = 2 * pi * sqrt(a**3 / (found.units.G * found.masses[0])) if a < float("inf") else 1.0
     return Pace(unit=period / 10, step=period / 30, span=period / 2, later=period / 6)

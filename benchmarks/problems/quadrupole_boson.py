@@ -50,6 +50,5 @@ def make(A: float, B: float, D: float) -> Problem:
                 (0.1, 1.0, 10.0, 60.0),
             ),
         ),
-        parameters={"A": A, "B": B, "D": D},
         pace=Pace(step=0.03, span=0.5, later=0.2),
     )

@@ -18,22 +18,16 @@ from math import cos, pi, sin
 
 import sympy as sp
 
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem, decades
+from .base import Orbit, Problem, check_positive, decades
 
 PARAMETERS = {"I1": 2.0, "I2": 1.0, "I3": 2 / 3, "G": 1.0}
 
 
 def make(**parameters: float) -> Problem:
-    """Make the problem of the free rigid body in Andoyer's variables.
-
-    ``I1``, ``I2``, ``I3`` are its moments of inertia, ``G`` is the size of its angular momentum; all are positive.
-    """
-    for name, value in parameters.items():
-        if not value > 0:
-            raise InvalidInput(f"{name} of the rigid body is {value}; it must be positive")
+    """Make the free rigid body of moments ``I1``, ``I2``, ``I3`` and angular momentum ``G``, all positive."""
+    check_positive("the rigid body", **parameters)
     I1, I2, I3, G = (sp.Rational(parameters[name]) for name in PARAMETERS)
     q, p = sp.symbols("l L", real=True)
     H = (G**2 - p**2) * (sp.sin(q) ** 2 / I1 + sp.cos(q) ** 2 / I2) / 2 + p**2 / (2 * I3)
@@ -52,5 +46,4 @@ def make(**parameters: float) -> Problem:
                 "near-separatrix", (0.01,), (size * 0.02,), "almost the rotation about the middle axis", decades(200.0)
             ),
         ),
-        parameters=parameters,
     )

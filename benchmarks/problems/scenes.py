@@ -13,7 +13,6 @@ from .base import DRIFT, ORDER, Scene
 
 
 def _all_scenes() -> list[Scene]:
-    """Return the scenes of the modules of all problems, in the order of the problems in the index."""
     modules = (importlib.import_module(f".{module}", __package__) for module, _, _ in PROBLEMS.values())
     return [scene for module in modules for scene in getattr(module, "SCENES", ())]
 

@@ -41,11 +41,7 @@ def _from(name: str, r: float, E: float, L: float, about: str, times: tuple[floa
 
 
 def make(M: float, semilatus: float, e: float) -> Problem:
-    """Make the problem of geodesics in the equatorial plane of a Schwarzschild black hole of mass ``M`` > 0.
-
-    Its orbit "precessing" has the eccentricity 0 <= ``e`` < 1 and the semilatus rectum ``semilatus`` > 6 + 2 e, in
-    units of M.
-    """
+    """Make the problem of mass ``M`` > 0; "precessing" has 0 <= ``e`` < 1, ``semilatus`` > 6 + 2 e in units of M."""
     if not M > 0:
         raise InvalidInput(f"the mass M is {M}; it must be positive")
     if not 0 <= e < 1:
@@ -75,6 +71,5 @@ def make(M: float, semilatus: float, e: float) -> Problem:
             _from("photon-sphere", 3 * M, 1.0, sqrt(27) * M, "light on the unstable circle", (0.1, 1.0, 10.0, 40.0)),
         ),
         invariants=kept,
-        parameters={"M": M, "semilatus": semilatus, "e": e},
         pace=Pace(unit=20.0, step=4.0, span=100.0, later=20.0),
     )

@@ -10,14 +10,13 @@ of arc: this is a solar system for comparing integrators, no ephemeris.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import sympy as sp
 
-from phasebench.integrators.systems.hamiltonian import Hamiltonian
-
-from . import gravity
-from .base import Orbit, Pace, Problem, decades
+from . import planetary
+from .base import Pace, Problem, decades
 from .bodies import Bodies, bodies
-from .planetary import PlanetarySystem
 from .units import Units
 
 PARAMETERS: dict[str, float] = {}
@@ -45,39 +44,20 @@ def table() -> Bodies:
 
 
 def _minus(a: str, b: str) -> float:
-    """Return the double nearest to a - b, for numbers given as text."""
     return float(sp.Rational(a) - sp.Rational(b))
 
 
 def make() -> Problem:
     """Make the problem of the solar system, which has no parameters."""
-    found = table()
-    q, p, pairs, distances, kept = gravity.bodies(len(found.members), "xyz", first=0)
-    masses, exact = [sp.Rational(m) for m in found.masses], sp.Rational(found.units.G)
-    where, velocities = found.start()
-    start = Orbit(
-        "j2000",
-        tuple(x for row in where for x in row),
-        tuple(m * v for m, row in zip(found.masses, velocities, strict=True) for v in row),
-        "the elements at the epoch J2000",
-        decades(3652.5),
-    )
-    return PlanetarySystem(
+    made = planetary.build(table())
+    about = "the elements at the epoch J2000"
+    return replace(
+        made,
         id="solar-system",
         name="solar system of eight planets",
         source="Standish, Keplerian Elements for Approximate Positions of the Major Planets (JPL), table 1",
         cite=("standish-williams2013", "standish1998"),
-        system=Hamiltonian(
-            q=q,
-            p=p,
-            H=gravity.newton(p, masses, exact, pairs, distances),
-            singular=distances,
-            invariants=kept.values(),
-            kepler=gravity.kepler_part(masses, exact, found.order()),
-        ),
-        orbits=(start,),
-        invariants=kept,
-        time_unit=found.units.time,
+        orbits=(replace(made.start, name="j2000", about=about, times=decades(3652.5)),),
+        invariants={name: e for name, e in made.invariants.items() if "momentum" in name},
         pace=Pace(unit=9.0, step=3.0, span=150.0, later=15.0),
-        bodies=found,
     )

@@ -11,18 +11,16 @@ Start: q = (1, 0, 0), p = (0, 3/4, 1/4), which is exactly on the sphere and tang
 
 import sympy as sp
 
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.constrained import ConstrainedHamiltonian
 
-from .base import Orbit, Pace, Problem, decades
+from .base import Orbit, Problem, check_positive, decades
 
 PARAMETERS = {"g": 1.0}
 
 
 def make(g: float) -> Problem:
     """Make the spherical pendulum of unit length and mass with gravity ``g`` > 0."""
-    if not g > 0:
-        raise InvalidInput(f"g is {g}; it must be positive")
+    check_positive("the spherical pendulum", g=g)
     x, y, z, px, py, pz = sp.symbols("x y z px py pz", real=True)
     angular = x * py - y * px
     return Problem(
@@ -43,6 +41,4 @@ def make(g: float) -> Problem:
             ),
         ),
         invariants={"angular-momentum": angular},
-        parameters={"g": g},
-        pace=Pace(),
     )

@@ -12,20 +12,16 @@ of parameter m with :math:`\kappa = 2K(m)/N`; w is such that the product of the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import mpmath
 import numpy as np
 import sympy as sp
 
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import unit_mass_field
+from phasebench.integrators.values.kinds import Number
 
-from .base import Orbit, Pace, Problem, decades
-
-if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number
+from .base import Orbit, Pace, Problem, decades, whole
 
 PARAMETERS = {"N": 3}
 #: The most particles: from 7 on the invariants take SymPy seconds.
@@ -35,10 +31,7 @@ MODULUS = 0.9
 
 
 def cnoidal(N: int, m: float, t: float | mpmath.mpf) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
-    """Return (q, p) of the travelling wave at time ``t``, lists of N numbers of mean zero in mpmath's precision.
-
-    m is the parameter of the elliptic functions, 0 < m < 1.
-    """
+    """Return (q, p) of the travelling wave at time ``t``, of mean zero, in mpmath's precision; 0 < m < 1."""
     m = mpmath.mpf(m)
     kappa = 2 * mpmath.ellipk(m) / N
     sn, cn, dn = (lambda u, name=name: mpmath.ellipfun(name, u, m=m) for name in ("sn", "cn", "dn"))
@@ -73,10 +66,7 @@ def grad_V(sign: int = 1) -> Callable[..., None]:
 
 
 def field() -> Callable[..., None]:
-    """Make the loop f(q, p, h, lam, dq, dp) that writes the vector field (p, -grad V) of the Toda lattice to dq, dp.
-
-    h and lam are not used (see `systems.hand`).
-    """
+    """Make the loop f(q, p, h, lam, dq, dp) of the vector field (p, -grad V), see `systems.hand`."""
     return unit_mass_field(grad_V(-1))
 
 
@@ -105,10 +95,7 @@ def formula(N: int) -> tuple[list[sp.Symbol], list[sp.Symbol], sp.Expr]:
 
 
 def _traces(N: int, X: Sequence[sp.Symbol], p: Sequence[sp.Symbol]) -> dict[int, sp.Expr]:
-    """Return k -> trace of the k-th power of the Lax matrix divided by k, without its constant part, k = 1 .. N.
-
-    X and p are the N symbols of exp(q_i - q_{i+1}) and of the momenta.
-    """
+    """k -> trace of the k-th power of the Lax matrix over k, without its constant part; X are exp(q_i - q_{i+1})."""
     L = sp.zeros(N, N)
     for i in range(N):
         L[i, i] = p[i]
@@ -126,9 +113,7 @@ def _traces(N: int, X: Sequence[sp.Symbol], p: Sequence[sp.Symbol]) -> dict[int,
 
 def make(N: int) -> Problem:
     """Make the problem of the Toda lattice of 3 <= ``N`` <= `LARGEST` particles; only N = 3 has the orbit "three"."""
-    if int(N) != N or not 3 <= N <= LARGEST:
-        raise InvalidInput(f"the number N of particles is {N}; it must be an integer from 3 to {LARGEST}")
-    N = int(N)
+    N = whole("N of particles", N, 3, LARGEST)
     q, p, X = (sp.symbols([f"{x}{i + 1}" for i in range(N)], real=True) for x in "qpX")
     bonds = dict(zip(X, (sp.exp(q[i] - q[(i + 1) % N]) for i in range(N)), strict=True))
     traces = {k: t.subs(bonds) for k, t in _traces(N, X, p).items()}

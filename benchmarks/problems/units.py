@@ -33,10 +33,7 @@ class Units(NamedTuple):
 
 
 def units(text: str, where: str) -> Units:
-    """Parse a text such as "AU, day, Msun", in any order, to units.
-
-    Raises InvalidInput, its message beginning with ``where``, unless there is one unit of each kind.
-    """
+    """Parse a text such as "AU, day, Msun", in any order; raise InvalidInput unless there is one unit of each kind."""
     kinds = {"length": LENGTHS, "time": TIMES, "mass": MASSES}
     found: dict[str, str] = {}
     for word in filter(None, (x.strip() for x in re.split(r"[,\s]+", text))):
@@ -59,13 +56,8 @@ def units(text: str, where: str) -> Units:
 def span(value: float | str | None, unit: str, what: str = "t_end") -> float | None:
     """Convert a time, a number or a text such as "1e4 yr", to a number in ``unit``; a number or None is unchanged.
 
-    A text without a unit is in ``unit``, too; ``what`` is the argument's name, for messages.
-
-    Raises
-    ------
-    InvalidInput
-        For a text that is no finite number or too large in ``unit``, an unknown unit, or a unit if the problem has none
-        (``unit`` is "").
+    A text without a unit is in ``unit``, too; ``what`` is the argument's name, for messages.  Raises InvalidInput for
+    a text that is no such time, or too large, and for a unit if the problem has none (``unit`` is "").
     """
     if not isinstance(value, str):
         return value

@@ -47,20 +47,9 @@ POINTS, AWAY = 3, 0.01
 def from_file(path: str | Path, **parameters: float | str) -> Problem:
     """Make the problem that a user's Python file defines, and check it.
 
-    Parameters
-    ----------
-    path : of a file that defines a function ``make`` or a `Problem` named ``problem``
-    parameters : values of its parameters
-
-    Returns
-    -------
-    Problem
-        It holds the values of its parameters; if its id is that of a registered problem, the path replaces the id.
-
-    Raises
-    ------
-    InvalidInput
-        For a file that cannot be read or raises (naming line and error), or a problem that breaks the contract.
+    The file defines a function ``make`` or a `Problem` named ``problem``; ``parameters`` are values of its parameters.
+    If its id is that of a registered problem, the path replaces the id.  Raises InvalidInput for a file that cannot be
+    read or raises (naming line and error), or a problem that breaks the contract.
     """
     module = user_file.load(str(path))
     make = getattr(module, "make", None)
@@ -102,11 +91,7 @@ def from_formula(
     constraints : formulae or equations of constraints g(q) = 0; the system is a `ConstrainedHamiltonian` then
     parts : formulae of parts with exact flows, whose sum is H; the system is a `SplitHamiltonian` then
 
-    Raises
-    ------
-    InvalidInput
-        For a formula that cannot be used, variables with gaps, constants that are missing or not in the formula, or an
-        initial state that does not fit.
+    Raises InvalidInput for a formula, constants or an initial state that do not fit one another.
     """
     constants = real_parameters("the formula", constants or {}, constants or {})
     names = sorted(
@@ -156,11 +141,7 @@ def _of_formula(
     constraints: Sequence[str] = (),
     parts: Sequence[str] = (),
 ) -> PartitionedSystem:
-    """Make the system of a formula of H in the variables ``names``, first all q, then all p.
-
-    ``start`` is q0, by which its Kepler part is found; ``constants``, ``constraints`` and ``parts`` are those of
-    `from_formula`.
-    """
+    """Make the system of a formula of H in the variables ``names``, first all q, then all p."""
     variables = {name: sp.Symbol(name, real=True) for name in names}
     known = variables | {k: sp.Rational(v) for k, v in constants.items()}
     H = formula.parse(text, known)
@@ -175,10 +156,7 @@ def _of_formula(
 
 
 def _variables(names: Sequence[str], constants: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Return the coordinates and momenta among the names in a formula: q and p, q1 .. qd and p1 .. pd, or x and px.
-
-    Raises InvalidInput if there are no variables, two of these kinds, or gaps in the numbers.
-    """
+    """Return the coordinates and momenta among the names in a formula: q and p, q1 .. qd and p1 .. pd, or x and px."""
     other = {*constants, *formula.CONSTANTS, *formula.FUNCTIONS}
     own = {*names} - other
     momenta = [x for x in own if re.fullmatch(r"p[A-Za-z]\w*", x) and f"p{x}" not in own and x[1:] not in other]
@@ -211,10 +189,7 @@ def _like(default: object, value: float) -> float:
 
 
 def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[str, float]) -> dict[str, float]:
-    """Return name -> value of a problem file's parameters: those given, else from PARAMETERS or ``make``'s defaults.
-
-    Raises InvalidInput for an unknown or missing parameter, and for a value that is no finite number.
-    """
+    """Return name -> value of a problem file's parameters: those given, else from PARAMETERS or ``make``'s defaults."""
     if not callable(make):
         raise InvalidInput(f"{path}: make is a {type(make).__name__}, no function")
     stated = inspect.signature(make).parameters.values()
@@ -290,11 +265,7 @@ def _state(orbit: Orbit, name: str, d: int, where: str) -> tuple[float, ...]:
 
 
 def _check_start(system: PartitionedSystem, orbit: Orbit, where: str, paste: str = "q={}, p={}") -> None:
-    """Raise InvalidInput for a start where H or the vector field is not finite, at a singularity, or off constraints.
-
-    The message begins with ``where``; for a start off the constraints it suggests a state that fulfils them, written
-    in the format ``paste``.
-    """
+    """Refuse a start where H or the field is not finite, at a singularity, or off constraints."""
     q, p = np.array([orbit.q]), np.array([orbit.p])
     if system.constrained:
         try:
@@ -326,10 +297,7 @@ def _check_distances(system: PartitionedSystem, q: np.ndarray, p: np.ndarray, wh
 
 
 def _check_kept(system: PartitionedSystem, expression: sp.Expr, orbit: Orbit, what: str) -> None:
-    """Raise InvalidInput if an expression I is no invariant: dI/dt along the flow is not zero at or near the start.
-
-    ``orbit`` has the start; ``what`` names the invariant in the message.
-    """
+    """Raise InvalidInput if an expression I is no invariant: dI/dt along the flow is not zero at or near the start."""
     variables, sides = (*system.q, *system.p), system.sides
     steps = list(system.definitions)
     if not expression.free_symbols:

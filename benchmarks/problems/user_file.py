@@ -17,18 +17,12 @@ SUFFIXES = (".py", ".csv", ".json")
 
 
 def is_file(name: str) -> bool:
-    """True if a user's name of a problem or method is the path of a file, not the id of a registered one.
-
-    It has a slash, or ends in .py, .csv or .json, or names an object in a Python file, as ``mine.py:object``.
-    """
+    """True if a user's name of a problem or method is a path (by a slash, its ending, mine.py:object), not an id."""
     return file_and_object(name)[0].lower().endswith(SUFFIXES) or "/" in name or "\\" in name
 
 
 def file_and_object(name: str) -> tuple[str, str]:
-    """Split a user's name of an object in a Python file, ``./mine.py:object.attribute``, into path and object.
-
-    The object is "" if none is named.  The colon of a Windows drive is part of the path.
-    """
+    """Split ``./mine.py:object.attribute`` into path and object, "" if none; a drive's colon is part of the path."""
     head, _, tail = name.rpartition(":")
     return (head, tail) if head.lower().endswith(".py") else (name, "")
 
@@ -36,14 +30,8 @@ def file_and_object(name: str) -> tuple[str, str]:
 def load(path: str, what: str = "problem") -> types.ModuleType:
     """Load a user's Python file as a module, once in a process unless its text changes.
 
-    ``what``, which the file defines ("problem" or "method"), is for messages.
-
-    Imports relative to the package of problems work in it, so that a copy of one of its modules runs as it is.
-
-    Raises
-    ------
-    InvalidInput
-        For a file that cannot be read or that raises, naming its line.
+    ``what``, which the file defines ("problem" or "method"), is for messages.  Imports relative to the package of
+    problems work in it.  Raises InvalidInput for a file that cannot be read or that raises, naming its line.
     """
     file = Path(path)
     if file.is_dir():
@@ -75,9 +63,8 @@ def load(path: str, what: str = "problem") -> types.ModuleType:
 
 @contextlib.contextmanager
 def users_code(path: str, what: str) -> Iterator[None]:
-    """Run the user's code in this context, so that its errors are reported with their line and its prints do no harm.
+    """Run code of a user's file ``path``: errors become InvalidInput with their line, and its prints go to stderr.
 
-    Any exception becomes InvalidInput, and what the code prints goes to stderr.  ``path`` is the file of the code,
     ``what`` names the code if no line is known.
     """
     try:

@@ -16,7 +16,7 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import clock
-from phasebench.benchmarks.measure.energy import energy_error
+from phasebench.benchmarks.measure.conservation import energy_error
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.timing import NOWHERE, OURS, PEERS, TIED, Median, cheaper, in_turns, median, ratio
 from phasebench.benchmarks.page.markdown import number

@@ -56,8 +56,7 @@ def equip_rows(
 def parameterised_method(*, make: Callable[..., dict[str, Any]], **facts: Any) -> Method:
     """Make the record of a method with a parameter lam, 1/3 by default.
 
-    ``make(lam=...)`` returns the fields that depend on lam, such as the coefficients ``data``; ``facts`` are further
-    fields.
+    ``make(lam=...)`` returns the fields that depend on lam, such as the coefficients ``data``.
     """
     defaults = {"lam": Fraction(1, 3)} | facts.pop("parameters", {})
     common = SYMPLECTIC | {"family": "parametric", "requires": ("canonical",), "cite": ("wang-talk",)}

@@ -28,10 +28,7 @@ NAMES = {
 
 
 def weights(table: Table) -> tuple[tuple, tuple]:
-    """The weights (a, b) of the drifts and of the kicks of a table, in alternating order.
-
-    Kick b_k comes before drift a_k; b_0 is 0 if the step begins with a drift.
-    """
+    """The weights (a, b) of a table's drifts and kicks: kick b_k before drift a_k, b_0 = 0 if a drift is the first."""
     stages = {"A": [], "B": [] if table.first == "B" else [mpmath.mpf(0)]}
     for letter, weight in coefficients.steps(table.name):
         stages[letter].append(weight)

@@ -47,7 +47,7 @@ def _solve(solver_name: str, compiled: bool) -> Callable[[Task], Run]:
         field(0.0, y)
         rows = np.empty((len(t), len(y)))
         rows[0] = y
-        row, steps, failure = 1, 0, None
+        row, steps, failure, way = 1, 0, None, np.sign(task.h)
         tolerances = DEFAULTS | task.tolerances("rtol", "atol")
         with np.errstate(all="ignore"), warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")  # LSODA reports the reason of a failure as a warning
@@ -60,9 +60,9 @@ def _solve(solver_name: str, compiled: bool) -> Callable[[Task], Run]:
                 if failure:
                     break
                 steps += 1
-                if row < len(t) - 1 and t[row] <= solver.t:
+                if row < len(t) - 1 and way * t[row] <= way * solver.t:
                     inside = solver.dense_output()
-                    while row < len(t) - 1 and t[row] <= solver.t:
+                    while row < len(t) - 1 and way * t[row] <= way * solver.t:
                         rows[row] = inside(t[row])
                         row += 1
             seconds = time.perf_counter() - started

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.measure import clock
+from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.problems import problem
 
 
 class Run:
@@ -75,3 +77,10 @@ def test_persistent_disturbance_is_reported(make_clock):
     assert make_clock(run, sharing=sharing)() == pytest.approx(2e-3)
     assert sharing.disturbed == 1
     assert sharing.readings == 1 + clock.AGAIN
+
+
+def test_size_of_a_timed_run():
+    """So many steps that end at t_end; or, of an adaptive integrator, t_end."""
+    made = problem("pendulum")
+    fixed, adaptive = (clock.clock(integrator(id), made, t_end=2.0, steps=8, run=Run(1.0)) for id in ("rk4", "heyoka"))
+    assert (fixed.size, adaptive.size) == ((0.25, 8), (2.0,))

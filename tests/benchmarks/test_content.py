@@ -13,7 +13,6 @@ import mpmath
 import pytest
 
 from phasebench.benchmarks.ladder import sweep
-from phasebench.benchmarks.measure.multiprecision import leaves, replace_at
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
 from phasebench.benchmarks.store import cells
 from phasebench.benchmarks.store.cells import ProblemKey, content, exact
@@ -21,6 +20,7 @@ from phasebench.integrators import registry
 from phasebench.integrators.compile import digest
 from phasebench.integrators.registry import method
 from phasebench.reference.peers import PEERS
+from support.slips import leaves, replace_at
 
 SPLITTING = "phasebench.integrators.families.splitting"
 SWEEP = "phasebench.benchmarks.ladder.sweep"

@@ -12,6 +12,7 @@ import pytest
 from phasebench.benchmarks.measure import c_loop, root_scan, timing
 from phasebench.benchmarks.measure.timing import NONE, NOWHERE, OURS, PEERS, TIED, Median
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.problems.models import planets
 from phasebench.integrators import integrate
 from phasebench.reference import native
 
@@ -44,6 +45,20 @@ def test_scan_agrees_with_the_root_finder_of_the_kernels():
         found = root_scan.along(made, scheme, 0.02, 0.2, reach=1.0)
         for lam, roots in list(zip(s.parameter, found.roots, strict=True))[1:]:
             assert np.abs(roots - lam).min() < 1e-3
+
+
+# -- models ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rungs", [planets.planet_models(), planets.particle_models()])
+def test_model_of_the_planets_starts_where_they_are(rungs):
+    full = problem("outer-solar-system")
+    for rung in rungs[:-1]:
+        made = rung.make()
+        q, _ = rung.lift(full, np.zeros(1), np.array([made.q0]), np.array([made.p0]))
+        known = ~np.isnan(q[0])
+        assert 3 < known.sum() < full.system.d
+        assert np.array_equal(q[0, known], np.array(full.q0)[known])
 
 
 # -- times -------------------------------------------------------------------------------------------------------------

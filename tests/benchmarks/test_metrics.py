@@ -128,21 +128,6 @@ def test_jacobian():
         assert abs(M[0, 0] - mpmath.cos(z[0]) * z[1]) < 1e-30
 
 
-def test_reversibility_defect():
-    def verlet(y, h=0.1):
-        q, p = y[0], y[1] - h / 2 * np.sin(y[0])
-        q = q + h * p
-        return np.array([q, p - h / 2 * np.sin(q)])
-
-    def euler(y, h=0.1):
-        p = y[1] - h * np.sin(y[0])
-        return np.array([y[0] + h * p, p])
-
-    y = np.array([0.7, 0.4])
-    assert step_map.reversibility_defect(verlet, y) < 1e-15
-    assert step_map.reversibility_defect(euler, y) > 1e-4
-
-
 def kick_and_drift(sin, cos):
     """A kick and a drift of two coupled pendulums, a symplectic map of y = (q, p), array (4,)."""
 

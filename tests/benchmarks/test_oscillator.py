@@ -75,10 +75,10 @@ def test_scheme_i_has_one_interval_next_to_a_pole():
         assert len(found.intervals) == 1, lam
 
 
-@pytest.mark.parametrize("width", [1e-2, 1e-3])
-def test_narrow_gap_after_the_first_interval(width):
+@pytest.mark.parametrize(("width", "part"), [(0.3, 1 / 3), (1e-2, 1 / 3), (1e-3, 1 / 3), (1e-3, 0.1), (1e-3, 0.9)])
+def test_narrow_gap_after_the_first_interval(width, part):
     """Between two points of the scan the trace falls below -2 and returns."""
-    at, low = 3.0 + linear_stability.SPACING / 3, -2 - width**2 / 4
+    at, low = 3.0 + linear_stability.SPACING * part, -2 - width**2 / 4
     found = oscillator.of_matrix(of_trace(lambda z: min(low + (z - at) ** 2, 1.99)))
     (_, first), (second, last) = found.intervals
     assert (first, second, last) == (
@@ -118,6 +118,11 @@ def test_nonlinear_map_is_judged_by_long_runs():
     assert found.reason
 
 
+def test_a_step_may_be_linear_on_the_unit_vectors_alone():
+    assert oscillator.linear(integrator(lambda system, q, p, h: (q, -p)))
+    assert not oscillator.linear(integrator(lambda system, q, p, h: (q, abs(p))))
+
+
 def test_integrators_without_a_step_are_refused():
     with pytest.raises(InvalidInput, match="tolerance"):
         pb.stability("heyoka")
@@ -134,6 +139,59 @@ def test_command_prints_the_contract():
     assert done.exit_code == 0
     assert "trace of the step map" in done.stdout
     assert call("stability", "stormer-verlett", "--json").exit_code == 2
+
+
+# -- intervals of a matrix -------------------------------------------------------------------------------------------
+
+
+def runge_kutta(*c):
+    """The map of an explicit method with the stability polynomial sum c_k z^k."""
+
+    def step(z):
+        A = z * np.array([[0.0, 1.0], [-1.0, 0.0]])
+        return sum(ck * np.linalg.matrix_power(A, k) for k, ck in enumerate(c))
+
+    return step
+
+
+def same(found, expected):
+    return len(found) == len(expected) and np.allclose(found, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("c", [(1, 1), (1, 1, 1 / 2), (1, 1, 1 / 2, 1 / 6, 1 / 24, 1 / 120)])
+def test_methods_that_grow_at_every_step_have_limit_0(c):
+    """Orders 1, 2 and 5: |R(i z)| > 1 for every small z, if only by z^6 / 144."""
+    found = linear_stability.stability(runge_kutta(*c))
+    assert found.limit == 0
+    assert all(start > 0 for start, _ in found.intervals)
+    assert linear_stability.radius(runge_kutta(*c)(0.5)) > 1
+
+
+def test_growth_that_starts_below_round_off_is_growth():
+    """|R|^2 - 1 = 2e-4 z^8 exceeds round-off from z = 0.2 on: no stable interval; a damped map has one."""
+
+    def rotation(z):
+        return np.array([[np.cos(z), np.sin(z)], [-np.sin(z), np.cos(z)]])
+
+    assert linear_stability.stability(lambda z: (1 + 1e-4 * z**8) * rotation(z)).limit == 0
+    damped = linear_stability.stability(lambda z: (1 - 1e-4 * z**2 * (1 - z**2)) * rotation(z))
+    assert damped.limit == pytest.approx(1, abs=1e-5)
+
+
+def test_narrow_stable_interval_is_found():
+    """The trace rises from far below -2 to far above 2 within the spacing of the scan."""
+    found = linear_stability.stability(of_trace(lambda z: 1000 * (z - 5.01)))
+    assert same(found.intervals, [(5.008, 5.012)])
+    assert found.limit == 0
+
+
+def test_failed_step_ends_the_scan():
+    verlet_s = of_trace(lambda z: 2 - z**2)
+    found = linear_stability.stability(lambda z: verlet_s(z) if z < 1 else None)
+    assert found.limit is None
+    assert found.scanned == pytest.approx(1 - linear_stability.SPACING)
+    nowhere = linear_stability.stability(lambda z: None)
+    assert (nowhere.intervals, nowhere.scanned) == ((), 0.0)
 
 
 # -- known limits, derived exactly from the coefficients that the methods' authors give

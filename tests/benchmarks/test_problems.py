@@ -68,7 +68,7 @@ def test_entry_orbits_scenes_and_time_scales(name):
     """Over its span an orbit moves by a good part of its size, over a step by much less."""
     module_name, line, names = PROBLEMS[name]
     module = importlib.import_module(f"phasebench.benchmarks.problems.{module_name}")
-    made = module.make(**module.PARAMETERS)
+    made = problem(name)
     assert (made.id, tuple(o.name for o in made.orbits), {*made.parameters}) == (name, names, {*module.PARAMETERS})
     assert all((line, made.source, made.name))
     assert problem(name).start.name == names[0]

@@ -71,20 +71,6 @@ def test_perihelion_of_a_rotated_ellipse(anomaly):
     assert distance(quantity(made, "phase"), values(made, quantity(made, "phase"), turned), np.array([phase])) < 1e-14
 
 
-@pytest.mark.parametrize(("label", "t"), [("kepler", None), ("henon-heiles:box", 1000.0)])
-def test_uncertainty_of_a_long_double_reference(label, t, monkeypatch):
-    """The stated uncertainty bounds the distance from the certified state, which has some thirty digits."""
-    made = problem(label)
-    t = t or made.start.times[-1]
-    state = quantity(made, "end-state")
-    certified = truths.truth(made, state, t)
-    monkeypatch.setattr(truths, "_certified_end", lambda problem, t_end: None)
-    found = truths.truth(made, state, t)
-    assert (certified.source, found.source) == (truths.CERTIFIED, truths.LONG_DOUBLE)
-    apart = distance(state, certified.values, found.values)
-    assert apart <= found.uncertainty + certified.uncertainty < 1e-11
-
-
 def test_lyapunov_exponent_of_saddle_and_oscillator():
     t = np.linspace(0.0, 200.0, 401)
     saddle = Hamiltonian(q="q", p="p", H="p**2/2 - 9*q**2/8")

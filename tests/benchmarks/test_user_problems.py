@@ -124,12 +124,6 @@ def test_error_in_a_file_is_named(which, tmp_path):
         assert word in found["reason"]
 
 
-def test_control_conserved_invariant_is_accepted(tmp_path):
-    code, found = run_json(write_file(tmp_path, system(more=', invariants={"J": "p**2 - 2*cos(q)"}')), "rk4", *STEPS)
-    assert code == 0
-    assert found["invariants"]["J"]["max"] == pytest.approx(2 * found["energy_error"]["max"], rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("name", "word"),
     [

@@ -18,7 +18,7 @@ ROOMS = {
     ("integrators/compile",): (1480, 1000, 16),
     ("integrators",): (25600, 21000, 25),
     ("reference",): (6635, 6200, 20),
-    ("benchmarks/problems", "benchmarks/measure"): (12300, 9000, 25),
+    ("benchmarks/problems", "benchmarks/measure"): (10890, 9000, 20),
     ("benchmarks/store",): (3000, 1900, 20),
     (*(f"benchmarks/{x}" for x in ("ladder", "judge", "advice", "audit", "certificate")),): (9900, 6200, 22),
     ("benchmarks/page",): (1400, 1600, 20),

@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 
 from phasebench.benchmarks.measure.battery import by_label, variants
-from phasebench.benchmarks.measure.visible import least_visible
+from phasebench.benchmarks.measure.declared import least_visible
 from support.exact import ALL, RECORDS, VISIBLE, numbers
 
 ROUND_OFF = 1e-30

@@ -97,8 +97,12 @@ def test_an_invalid_order_is_refused(value):
 
 
 def test_numbers_are_read_exactly():
-    for value, meaning in (("1/3", Fraction(1, 3)), ("0.25", Fraction(1, 4)), (2, 2), (-1.0, -1)):
-        assert method("scheme-i", lam=value).parameters["lam"] == meaning
+    third = np.longdouble(1) / 3
+    of_numpy = ((np.float32(0.1), float(np.float32(0.1))), (third, Fraction(*third.as_integer_ratio())), (0.1, 0.1))
+    for value, meaning in (("1/3", Fraction(1, 3)), ("0.25", Fraction(1, 4)), (2, 2), (-1.0, -1), *of_numpy):
+        found = method("scheme-i", lam=value).parameters["lam"]
+        assert found == meaning
+        assert type(found) is (float if isinstance(meaning, float) else Fraction)
     for value in (2, 2.0, np.float64(2), "2", Fraction(4, 2)):
         assert method("scheme-i", lam=value).label == "scheme-i(lam=2)"
 

@@ -15,7 +15,6 @@ from numba.core.registry import cpu_target
 from numba.core.runtime import _nrt_python, rtsys
 
 from phasebench.benchmarks.measure.battery import SYSTEMS, as_problem
-from phasebench.benchmarks.measure.multiprecision import leaves, replace_at
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.compile import codegen, machine
@@ -27,6 +26,7 @@ from support import counts, plain, stiff, stops
 from support.kinds import arrays_and_tuples_apart
 from support.marks import compiled
 from support.one_of_each import FIRST, kinds
+from support.slips import leaves, replace_at
 
 NAMES = ("henon-heiles", "perturbed-kepler", "magnetic-mirror", "fpu", "kerr")
 PROBLEMS = [problem(name) for name in NAMES] + [as_problem(name) for name in ("rods", "asymmetric-top", "many-parts")]

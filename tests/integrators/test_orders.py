@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.measure.battery import NON_SEPARABLE, expected_order, systems
-from phasebench.benchmarks.measure.multiprecision import CELLS, MOST, leaves, observed_order
+from phasebench.benchmarks.measure.declared import least_visible
+from phasebench.benchmarks.measure.multiprecision import CELLS, observed_order
 from phasebench.benchmarks.measure.step_map import determinant, volume
-from phasebench.benchmarks.measure.visible import least_visible
 from phasebench.integrators.coefficients.table import value
 from phasebench.integrators.coefficients.trees import DIGITS, order_residual, vector
 from phasebench.integrators.records import projection
 from phasebench.integrators.registry import BY_ID, METHODS, method
 from support.exact import ALL, SAME_KIND, VISIBLE, cells, numbers
+from support.slips import MOST, leaves
 
 TOLERANCE = 0.1
 #: Bound on the error of difference Jacobians with 40 digits.

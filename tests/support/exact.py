@@ -2,8 +2,8 @@
 
 It needs a process with NUMBA_DISABLE_JIT=1.
 
-``python exact.py NAME ...`` measures names of `multiprecision.MEASUREMENTS`.  `pytest benchmarks` measures every method
-on every system (the pages of orders and structure).
+``python exact.py NAME ...`` measures names of `multiprecision.CELLS` and `slips.MEASUREMENTS`.  `pytest benchmarks`
+measures every method on every system (the pages of orders and structure).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from phasebench.benchmarks.measure import multiprecision
 from phasebench.benchmarks.measure.battery import by_label, high_order_variants, variants
 from phasebench.integrators.compile.codegen import precision
 from support.one_of_each import kinds
+from support.slips import MEASUREMENTS
 
 #: System -> one of the same kind with at least as many degrees of freedom, which stands for it.
 SAME_KIND = {"pendulum": "henon-heiles", "perturbed-kepler": "henon-heiles", "tao": "coupled"}
@@ -60,7 +61,7 @@ def measurements(what: str) -> dict:
     Returns {method's label: {system: value}}.
     """
     if what not in multiprecision.CELLS:
-        return multiprecision.MEASUREMENTS[what]()
+        return MEASUREMENTS[what]()
     out: dict = {label: {} for label in ALL}
     for label, name in cells(what):
         out[label][name] = multiprecision.measure(what, label, name)

@@ -34,11 +34,9 @@ class Rung:
 
     Attributes
     ----------
-    name : its name in tables
-    make : function without arguments that makes the model's problem
-    lift : function (full problem, t, q, p) -> (Q, P), which maps rows of the model's solution to rows of the full one;
-        t are times of the full problem
-    rate : the model's time over that of the full problem: at time t of the full problem the model is at ``rate`` t
+    name, make : its name in tables; function without arguments that makes the model's problem
+    lift : function (full problem, t, q, p) -> (Q, P), which maps rows of the model's solution to rows of the full one
+    rate : at time t of the full problem the model is at ``rate`` t
     steps : the number of steps of its coarsest run, doubled for each finer run; 0: that of the `Ladder`
     """
 
@@ -55,11 +53,9 @@ class Ladder:
 
     Attributes
     ----------
-    id : kebab-case name
     problem, parameters : of the full problem: ``id:orbit``, and pairs (name, value) of its parameters
     t_end, quantity : the end of the span, and the name of the quantity to be computed
     steps : the number of steps of the coarsest run of a model, doubled for each finer run
-    rungs : the models (`Rung`), from the simplest to the full one
     """
 
     id: str

@@ -40,10 +40,7 @@ def pendulum_models(amplitude: float) -> tuple[Rung, ...]:
 
 
 def _pendulum(q: tuple[float, ...], p: tuple[float, ...]) -> Problem:
-    """Return the pendulum started at (q, p), one-element tuples.
-
-    If that is the start of the registered orbit "swinging", it is this orbit, which has certified (reference) states.
-    """
+    """The pendulum from (q, p); the registered orbit, which has certified states, if that is its start."""
     swinging = problem("pendulum:swinging")
     return swinging if (swinging.q0, swinging.p0) == (q, p) else with_start(swinging, q, p)
 
@@ -59,10 +56,10 @@ def rotation(rate: float) -> Lift:
 
 
 def mean_semi_axis(e: float, mu: float) -> float:
-    r"""Return the mean semi-major axis :math:`L^2` of the orbit with the Schwarzschild term that starts at 1 - e.
+    r"""Return the mean semi-major axis :math:`L^2` of the orbit from the pericentre 1 - e with the Schwarzschild term.
 
-    The start is a pericentre of eccentricity e.  With :math:`G = \sqrt{1 - e^2}` conserved, L is such that the averaged
-    energy :math:`-1/(2L^2) - \mu/(3L^3G^3)` equals the energy (to first order in mu).
+    With :math:`G = \sqrt{1 - e^2}` conserved, L is such that the averaged energy :math:`-1/(2L^2) - \mu/(3L^3G^3)`
+    equals the energy (to first order in mu).
     """
     G = sqrt(1 - e**2)
     energy = -0.5 - mu / (3 * (1 - e) ** 3)

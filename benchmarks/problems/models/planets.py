@@ -17,10 +17,7 @@ MASSLESS = gravity.MASSLESS
 
 
 def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[], Problem]:
-    """Make a function that makes the problem of some bodies of the outer solar system, started as in the full problem.
-
-    ``names`` are those of the bodies; those in ``massless`` are test particles.
-    """
+    """Make a function that makes the problem of the bodies ``names``, those in ``massless`` as test particles."""
 
     def make() -> Problem:
         q, p, pairs, distances, _ = gravity.bodies(len(names), "xyz", first=0)
@@ -46,10 +43,7 @@ def about_the_sun(name: str) -> Callable[[], Problem]:
 
 
 def of_bodies(*names: str) -> Lift:
-    """Make the map of rows (q, p) of a model with the bodies ``names`` to rows of all bodies of the outer solar system.
-
-    The Sun is at rest if it is not among the names; other bodies that the model leaves out are NaN.
-    """
+    """Make the map of rows of a model of ``names`` to rows of all bodies: the Sun at rest, those left out NaN."""
 
     def lift(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         out = np.full((2, len(t), full.system.d), np.nan)
@@ -78,11 +72,7 @@ def planet_models() -> tuple[Rung, ...]:
 
 
 def particle_models() -> tuple[Rung, ...]:
-    """Return the models of Saturn's motion, from the simplest to the full one.
-
-    Saturn is a test particle attracted by the Sun, then by Sun and Jupiter; then it has its mass beside these two, and
-    at last beside all bodies.
-    """
+    """Return the models of Saturn's motion: a test particle of the Sun, then of Sun and Jupiter, then with its mass."""
     three = ("sun", "jupiter", "saturn")
     return (
         Rung("test particle of the Sun", about_the_sun("saturn"), of_bodies("saturn")),

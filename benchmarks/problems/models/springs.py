@@ -12,11 +12,10 @@ from .ladder import Rung, model_problem
 
 
 def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
-    """Make a model of the Fermi-Pasta-Ulam chain: only the soft springs move, the stiff ones are averaged.
+    """Make a model of the Fermi-Pasta-Ulam chain of which only the soft springs move.
 
-    omega is the frequency of the stiff springs.  ``order`` selects the terms of size 1 / omega^2 that they add to H:
-    with 0 none, so that they are rigid; with 1 the mean effect of their oscillations, each at constant energy; with 2
-    all such terms (see `fpu_models`).
+    ``order`` selects the terms of size 1 / omega^2 that the stiff ones add to H: 0 none; 1 the mean effect of their
+    oscillations, each at constant energy; 2 all such terms (see `fpu_models`).
     """
     full = problem("fpu", omega=omega)
     m = full.system.d // 2
@@ -38,10 +37,7 @@ def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
 
 
 def _with_springs(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Map rows of the soft chain at times t to rows (q, p) of the full problem.
-
-    The stiff springs are added, oscillating undisturbed at their frequency from their initial state.
-    """
+    """Add the stiff springs to rows of the soft chain: they oscillate undisturbed from their initial state."""
     m, w = full.system.d // 2, full.parameters["omega"]
     a, b = np.array(full.q0[m:]), np.array(full.p0[m:]) / w
     c, s = np.cos(w * t)[:, None], np.sin(w * t)[:, None]

@@ -28,10 +28,7 @@ def linear_waves() -> Problem:
 
 
 def interpolate(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Map rows (q, p) on n points of a period to the N points of the problem ``full`` by trigonometric interpolation.
-
-    The times t are not used.
-    """
+    """Map rows on n points of a period to the N points of ``full`` by trigonometric interpolation; t is not used."""
     N = full.parameters["N"]
 
     def finer(z: np.ndarray) -> np.ndarray:
@@ -48,10 +45,7 @@ def interpolate(full: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> t
 
 
 def lattice(N: int) -> Rung:
-    """Make the model (`Rung`) of the Klein-Gordon equation with only N points on the same period.
-
-    Its solution is mapped to the points of the full problem by `interpolate`.
-    """
+    """Make the model on only N points of the same period, interpolated to the points of the full problem."""
     return Rung(f"{N} points", lambda: problem("klein-gordon", N=N), interpolate)
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.judge.evidence import GATE, NO_DEFECT
 from phasebench.benchmarks.measure import every_problem
-from phasebench.benchmarks.measure.hbvm import too_few_nodes
+from phasebench.benchmarks.measure.conservation import too_few_nodes
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of, once
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over, rows_of

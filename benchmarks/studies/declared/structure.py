@@ -10,9 +10,8 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.judge.evidence import NO_DEFECT
 from phasebench.benchmarks.measure import declared
-from phasebench.benchmarks.measure.declared import PROPERTIES
+from phasebench.benchmarks.measure.declared import HIGH, NEARLY, PROPERTIES, least_visible
 from phasebench.benchmarks.measure.multiprecision import DIGITS, methods
-from phasebench.benchmarks.measure.visible import HIGH, NEARLY, least_visible
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study

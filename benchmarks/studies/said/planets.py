@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.measure.energy import energy_error
+from phasebench.benchmarks.measure.conservation import energy_error
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.page.study import Runs, over
 from phasebench.benchmarks.problems import problem

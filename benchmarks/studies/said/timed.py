@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from phasebench.benchmarks.measure import clock
-from phasebench.benchmarks.measure.energy import energy_error
+from phasebench.benchmarks.measure.conservation import energy_error
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.timing import in_turns, median, ratio
 from phasebench.benchmarks.page.markdown import number
