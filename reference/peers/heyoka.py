@@ -23,12 +23,10 @@ from phasebench.integrators.record import ROUND_OFF
 
 from . import heyoka_forms
 from .heyoka_forms import TRANSLATED
-from .record import Claims, Peer, Run, Start, Task
+from .record import SOLVED, STALLED, Calls, Claims, Peer, Run, Task
 
 if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import PartitionedSystem
-
-    from .prepared import Calls
 
 EPS = float(np.finfo(float).eps)
 #: Size of the cache of integrators.
@@ -96,11 +94,9 @@ def _build_run(*how: str | bool | None) -> Callable[[Task], Run]:
     return run
 
 
-def _prepare(*how: str | bool | None) -> Callable[[Start], Calls]:
-    def prepare(start: Start) -> Calls:
-        from .prepared import SOLVED, STALLED, Calls
-
-        kept, form = _scalar(start.system, start.tol, *how)
+def _prepare(*how: str | bool | None) -> Callable[[Task], Calls]:
+    def prepare(task: Task) -> Calls:
+        kept, form = _scalar(task.system, task.tol, *how)
         ta = kept.__copy__()  # a copy, whose state belongs to this run alone
         state, begin, propagate = ta.state, ta.state.copy(), ta.propagate_until
 
@@ -151,7 +147,6 @@ def _peer(id: str, name: str, run: Callable[[Task], Run], more: str, **facts: An
         name,
         package="heyoka",
         adaptive=True,
-        order=None,
         license="MPL-2.0",
         about="tol is the local error relative to the state and chooses the order of the series; the default is the "
         f"machine epsilon; compiled by LLVM; {more}",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from . import particles
+from . import forms
 
 if TYPE_CHECKING:
     from phasebench.integrators.compile.printing import Program
@@ -55,10 +55,10 @@ class Form(NamedTuple):
 
 def names(system: PartitionedSystem) -> tuple[str, ...]:
     """The ways in which heyoka can be given a system's equations: translated from H, or a model of heyoka's own."""
-    settings = particles.settings(system)
-    centre = settings.get(particles.CENTRAL)
+    settings = forms.settings(system)
+    centre = settings.get(forms.CENTRAL)
     alone = centre is not None and centre.gradient is None
-    return (TRANSLATED, *([NBODY] if particles.GRAVITY in settings else []), *([CENTRE] if alone else []))
+    return (TRANSLATED, *([NBODY] if forms.GRAVITY in settings else []), *([CENTRE] if alone else []))
 
 
 def operations(program: Program) -> int:
@@ -91,7 +91,7 @@ def form(system: PartitionedSystem, name: str) -> Form:
 
     if name == TRANSLATED:
         return Form(tuple(taylor.equations(system, float, program(system))))
-    setting = particles.settings(system)[particles.GRAVITY if name == NBODY else particles.CENTRAL]
+    setting = forms.settings(system)[forms.GRAVITY if name == NBODY else forms.CENTRAL]
     if name == NBODY:
         model = hy.model.nbody(len(setting.masses), masses=setting.masses, Gconst=setting.G)
     else:
@@ -99,11 +99,11 @@ def form(system: PartitionedSystem, name: str) -> Form:
     return Form(tuple(model), *_places(setting))
 
 
-def _places(setting: particles.Setting) -> tuple[np.ndarray, np.ndarray]:
+def _places(setting: forms.Setting) -> tuple[np.ndarray, np.ndarray]:
     """Return where (q, p) is in the state vector of one of heyoka's models: `Form.at` and `Form.scale`.
 
     The state vector has x, y, z, vx, vy, vz of each moving body; velocities are momenta divided by masses.
     """
-    inverse = np.array(setting.inverse)
-    x = np.array([6 * (body - setting.first) + axis for body, axis in map(setting.place, range(len(inverse)))])
-    return np.concatenate([x, x + 3]), np.concatenate([np.ones(len(inverse)), inverse])
+    body, axis = map(np.array, setting.places)
+    x = 6 * (body - setting.first) + axis
+    return np.concatenate([x, x + 3]), np.concatenate([np.ones(len(x)), setting.inverse])

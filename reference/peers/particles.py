@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import floating, interrupts
-from .forms import CENTRAL, GRAVITY, POTENTIAL, Setting, settings  # noqa: F401
+from .forms import POTENTIAL, Setting
 from .record import NOT_FINITE, SOLVED, STALLED, Calls, Run, Task
 from .run import by_rows
 

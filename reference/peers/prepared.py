@@ -13,9 +13,6 @@ from phasebench.integrators.outcome import NOT_CONVERGED, OK
 from phasebench.integrators.request import initial
 from phasebench.reference.installed import how_to_install
 
-from .record import SOLVED as SOLVED
-from .record import STALLED as STALLED
-from .record import Calls as Calls
 from .record import Peer, Task
 
 Floats = NDArray[np.float64]

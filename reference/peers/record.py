@@ -81,10 +81,6 @@ class Task(NamedTuple):
         return {} if self.tol is None else dict.fromkeys(names, self.tol)
 
 
-#: The input for which a run is prepared.
-Start = Task
-
-
 class Run(NamedTuple):
     """A peer's result: rows (n, d) of q and p, steps, gradient evaluations (0: unknown), seconds, failure or None."""
 
