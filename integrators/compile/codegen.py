@@ -80,6 +80,12 @@ def _finish(text: str, style: str) -> str:
     return re.sub(r"\bnumber\(", f"{number}(", text.replace("value((", f"{value}(("))
 
 
+@lru_cache(maxsize=16)
+def once(f: Callable, signature: Signature, arithmetic: str = DOUBLE) -> Callable:
+    """Return f compiled, for all kernels, which call it by a pointer; f itself if no compiled kernel calls it."""
+    return machine.Function(f, signature, TUPLES, f.__name__) if arithmetic == DOUBLE and compiled() else f
+
+
 #: The generated functions of this process, by the digest of what each was generated from.
 _ready: dict = {}
 

@@ -274,8 +274,8 @@ def _set_energy(energy: Callable, step: NamedTuple, q: Any, p: Any) -> NamedTupl
 def _functions_of(prepared: Prepared, arithmetic: str) -> tuple[Callable | None, Callable | None]:
     solves = (prepared.implicit or prepared.linear) and prepared.work is None
     return (
-        newton.function(arithmetic) if solves else None,
-        root.function(arithmetic) if prepared.searches else None,
+        codegen.once(newton.newton, newton.SIGNATURE, arithmetic) if solves else None,
+        codegen.once(root.search_anew, root.SIGNATURE, arithmetic) if prepared.searches else None,
     )
 
 

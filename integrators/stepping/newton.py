@@ -11,15 +11,11 @@ convergence: the residual is exact.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numba import types
 
-from phasebench.integrators.compile import codegen, machine
-from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.compile.options import TUPLES
 from phasebench.integrators.values.vector import inline
 
 from .codes import ASKED, NOT_FINITE, SOLVED, STALLED
@@ -184,13 +180,3 @@ def begin(work: np.ndarray, order: int) -> None:
 
 _TABLE = types.Array(types.float64, 2, "C")
 SIGNATURE = types.int64(_TABLE, _TABLE, types.int64, types.int64, types.int64, types.int64, *4 * (types.float64,))
-
-
-@lru_cache(maxsize=1)
-def _compiled() -> machine.Function:
-    return machine.Function(newton, SIGNATURE, TUPLES, "newton")
-
-
-def function(arithmetic: str = DOUBLE) -> Callable:
-    """Return `newton` as a kernel takes it: compiled, unless it works in multiprecision or nothing is compiled."""
-    return _compiled() if arithmetic == DOUBLE and codegen.compiled() else newton

@@ -13,17 +13,13 @@ Source: D. E. Muller, Math. Tables Aids Comput. 10 (1956) 208-215; M. Dowell, P.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numba import types
 
-from phasebench.integrators.compile import codegen, machine
-from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.compile.options import TUPLES
 from phasebench.integrators.values.pointers import call, probe
-from phasebench.integrators.values.vector import State, inline, load, part, store
+from phasebench.integrators.values.vector import inline, load_state, part, store_state
 
 from .codes import SOLVED
 from .energy_model import (
@@ -310,23 +306,13 @@ SIGNATURE = types.Tuple((types.float64, types.boolean, _TRIED))(
 )
 
 
-@lru_cache(maxsize=1)
-def _compiled() -> machine.Function:
-    return machine.Function(search_anew, SIGNATURE, TUPLES, "search")
-
-
-def function(arithmetic: str = DOUBLE) -> Callable:
-    """Return `search_anew` as a kernel takes it: compiled, unless it works in multiprecision or nothing is compiled."""
-    return _compiled() if arithmetic == DOUBLE and codegen.compiled() else search_anew
-
-
 def finder(attempt: Callable, table: Callable, followed: bool = True) -> Callable:
     """Make the function that finds the parameter x at which a step's energy error E(x) is zero, nearest to x = 0.
 
     The function is (search, models, row, predicted, arguments, work) -> (x, True if found, the `Attempt` at x); x = 0
     if there is no root, or if E jumps from one sign to the other.  ``search`` is a `Search`, ``models[row]`` keeps the
     quadratic model of E from step to step, ``predicted`` is the root extrapolated from earlier steps, ``arguments``,
-    with the field y, is passed to ``attempt``, and ``work`` has the field search, the `function` of this module.
+    with the field y, is passed to ``attempt``, and ``work`` has the field search, which is `search_anew`.
 
     ``attempt(x, start, ease, arguments)`` tries a step with the parameter x and returns an `Attempt`.  ``start`` says
     where its stage equations start from, ``ease`` how many times round-off their error may be.
@@ -338,20 +324,10 @@ def finder(attempt: Callable, table: Callable, followed: bool = True) -> Callabl
 
     def keep(x, start, ease, slot, e):
         new, rows = attempt(x, start, ease, e), table(e)
-        at = len(rows) - ROWS * (slot + 1)
-        store(rows, at, new.y.q)
-        store(rows, at + 1, new.y.p)
-        store(rows, at + 2, new.y.lost_q)
-        store(rows, at + 3, new.y.lost_p)
+        store_state(rows, len(rows) - ROWS * (slot + 1), new.y)
         return new.E, new.unit, new.status
 
     pointers, follow = probe(keep), follower(attempt)
-
-    @inline
-    def kept(slot: int, e: Any) -> State:
-        rows, like = table(e), e.y.q
-        at = len(rows) - ROWS * (slot + 1)
-        return State(load(rows, at, like), load(rows, at + 1, like), load(rows, at + 2, like), load(rows, at + 3, like))
 
     @inline
     def find(
@@ -369,6 +345,8 @@ def finder(attempt: Callable, table: Callable, followed: bool = True) -> Callabl
                 return x, True, result
         f, e = pointers(arguments)
         x, found, tried = work.search(search, models, row, predicted, c1, f, e)
-        return x, found, Attempt(kept(tried.slot, arguments), tried.E, tried.unit, tried.status)
+        rows = table(arguments)
+        y = load_state(rows, len(rows) - ROWS * (tried.slot + 1), arguments.y.q)
+        return x, found, Attempt(y, tried.E, tried.unit, tried.status)
 
     return find

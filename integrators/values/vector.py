@@ -324,22 +324,30 @@ def update(y: State, dq: Value, dp: Value) -> State:
 
 
 @inline
-def read_state(carry: Carry) -> State:
-    """Read the state of a step from rows 0 to 3 of ``carry.state``: q, p and what rounding lost of each.
+def load_state(rows: np.ndarray, at: int, like: Value) -> State:
+    """Read a state from four rows of a table: q, p and what rounding lost of each, values of the kind of ``like``."""
+    return State(load(rows, at, like), load(rows, at + 1, like), load(rows, at + 2, like), load(rows, at + 3, like))
 
-    ``carry`` holds what one call of a kernel passes to the next.
-    """
-    rows, zero = carry.state, carry.zero
-    return State(load(rows, 0, zero), load(rows, 1, zero), load(rows, 2, zero), load(rows, 3, zero))
+
+@inline
+def store_state(rows: np.ndarray, at: int, y: State) -> None:
+    """Write the state y to four rows of a table, from where `load_state` reads it."""
+    store(rows, at, y.q)
+    store(rows, at + 1, y.p)
+    store(rows, at + 2, y.lost_q)
+    store(rows, at + 3, y.lost_p)
+
+
+@inline
+def read_state(carry: Carry) -> State:
+    """Read the state of a step from ``carry``, where the kernel's last call left it."""
+    return load_state(carry.state, 0, carry.zero)
 
 
 @inline
 def write_state(carry: Carry, y: State) -> None:
-    """Write the state y to rows 0 to 3 of ``carry.state``, from where the kernel's next call goes on."""
-    store(carry.state, 0, y.q)
-    store(carry.state, 1, y.p)
-    store(carry.state, 2, y.lost_q)
-    store(carry.state, 3, y.lost_p)
+    """Write the state y to ``carry``, from where the kernel's next call goes on."""
+    store_state(carry.state, 0, y)
 
 
 @inline

@@ -20,7 +20,7 @@ from phasebench.integrators.values import vector
 from support.values import value
 
 EPS = np.finfo(float).eps
-WORK = newton.Work(np.zeros(newton.shape(4)), newton.function())
+WORK = newton.Work(np.zeros(newton.shape(4)), codegen.once(newton.newton, newton.SIGNATURE))
 ZERO = value(0.0, 0.0)
 
 

@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.compile import codegen
 from phasebench.integrators.stepping import energy_model as model
 from phasebench.integrators.stepping.energy_model import Attempt, Search
-from phasebench.integrators.stepping.root import ROWS, SLOTS, finder, function
+from phasebench.integrators.stepping.root import ROWS, SIGNATURE, SLOTS, finder, search_anew
 from phasebench.integrators.stepping.solve import NOT_FINITE, SOLVED
 from phasebench.integrators.values.vector import State, inline, jit, scale
 
@@ -77,7 +78,7 @@ class Searching(NamedTuple):
     search: Any
 
 
-WORK = Searching(function())
+WORK = Searching(codegen.once(search_anew, SIGNATURE))
 FIND = {followed: finder(attempt, inline(lambda e: e.states), followed) for followed in (True, False)}
 
 
