@@ -89,10 +89,7 @@ def attempt(x: Number, start: int, ease: Number, step: Probe, slot: int = 0) -> 
 
 @part
 def refine(a: Number, Ea: Number, b: Number, Eb: Number, step: Probe) -> tuple[Number, bool]:
-    """Find the root of the energy error E(x) between a and b, where Ea = E(a) and Eb = E(b) differ in sign.
-
-    Uses the secant method with bisection (Illinois).  Returns (x, True if found).
-    """
+    """Find the root of E between a and b, where its signs differ, by the secant method with bisection (Illinois)."""
     x = b
     side = 0
     for k in range(REFINE_LIMIT):
@@ -119,11 +116,7 @@ def refine(a: Number, Ea: Number, b: Number, Eb: Number, step: Probe) -> tuple[N
 
 @part
 def continue_outwards(side: Number, bound: Number, search: Search, step: Probe) -> tuple[Number, bool]:
-    """Search outwards from x = 0, on one side, for the nearest root of a step's energy error E(x).
-
-    The solution of the stage equations is continued in x, from 0 to ``side * bound`` at most; ``side`` is 1 or -1.
-    Returns (x, True if a root was found).
-    """
+    """Continue the solution in x from 0 to ``side * bound`` at most, up to the nearest root of E; (x, found)."""
     E0 = attempt(0.0, FIRST, 1.0, step).E
     inner, Einner, outer, Eouter = 0.0, np.inf, 0.0, E0
     a, Ea, b, Eb, between = 0.0, 0.0, 0.0, 0.0, False
@@ -154,10 +147,7 @@ def continue_outwards(side: Number, bound: Number, search: Search, step: Probe) 
 
 @inline
 def scan(search: Search, step: Probe) -> tuple[Number, bool]:
-    """Find the parameter x nearest zero at which the step's energy error E(x) vanishes: (x, True if found).
-
-    The solution of the stage equations is continued from x = 0 to both sides.
-    """
+    """Continue the solution to both sides of 0; (the root nearest to 0, True if found)."""
     nearest, found = 0.0, False
     for side in (1.0, -1.0):
         x, good = continue_outwards(side, abs(nearest) if found else search.radius, search, step)
@@ -170,10 +160,9 @@ def scan(search: Search, step: Probe) -> tuple[Number, bool]:
 def chase(
     x: Number, E0: Number, unit: Number, search: Search, models: np.ndarray, row: int, step: Probe, slot: int
 ) -> tuple[Number, bool, Tried]:
-    """Find a root of the energy error E(x) by Muller's method, from the guess x and the known value E0 = E(0).
+    """Find a root of E by Muller's method from the guess x, with E0 = E(0); (x, True if found, the last attempt).
 
-    ``unit`` is the round-off of H; the slope and curvature of E that are found are written to ``models[row]``.
-    Returns (x, True if found, the last attempt), whose states are kept in ``slot``.
+    The slope and curvature of E that are found are written to ``models[row]``; states are kept in ``slot``.
     """
     xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
     c1, c2 = 0.0, models[row, CURVATURE]  # that of the last step's model serves until there is a third point
@@ -209,11 +198,10 @@ def chase(
 
 @part
 def nearer_side(x: Number, E0: Number, ease: Number, models: np.ndarray, row: int, step: Probe) -> Number:
-    """Check by a trial step with -x whether the energy error E has a root of the other sign, nearer than guess x.
+    """Guess a root nearer than x on the other side of 0, from a trial step with -x; x if there is none.
 
-    Returns a guess of that root, or x if none is found.  E0 is E(0); the trial's stage equations may be solved with
-    an error of ``ease`` times round-off.  Slope and curvature of the parabola through E(0) = E0, E(x) = 0 (as
-    guessed) and E(-x) are written to ``models[row]``.
+    Slope and curvature of the parabola through E(0) = E0, E(x) = 0 (as guessed) and E(-x) are written to
+    ``models[row]``.
     """
     beyond = attempt(-x, ALONG, ease, step)
     if beyond.status != SOLVED:
@@ -231,11 +219,7 @@ def nearer_side(x: Number, E0: Number, ease: Number, models: np.ndarray, row: in
 def search_out(
     search: Search, models: np.ndarray, row: int, predicted: Number, step: Probe
 ) -> tuple[Number, bool, Tried]:
-    """Search for the root x of the energy error E(x): compute E(0), iterate, and where that fails, `scan`.
-
-    ``models[row]`` is the quadratic model of E, which gives the first guess and is updated; ``predicted`` is x
-    extrapolated from earlier steps.  Returns (x, True if found, the attempt at x).
-    """
+    """Search for the root: compute E(0), iterate, and where that fails, `scan`; (x, found, the attempt at x)."""
     radius = search.radius
     ease = residual_factor(models[row, START], models[row, UNIT])
     result = attempt(0.0, FIRST, ease, step)
@@ -276,11 +260,10 @@ def search_out(
 def search_anew(
     search: Search, models: np.ndarray, row: int, predicted: Number, c1: Number, f: Any, e: Any
 ) -> tuple[Number, bool, Tried]:
-    """Find the root x of the energy error E(x) by `search_out`, where it is not followed from the last step.
+    """Find the root x of E where it is not followed from the last step; (x, True if found, the attempt at x).
 
-    ``models[row]``, the quadratic model of E with its changes from step to step, is updated; c1 is its slope at
-    x = 0, extrapolated to this step, and ``predicted`` is x extrapolated from earlier steps.  The step is tried by f
-    and e (`Probe`).  Returns (x, True if found, the attempt at x).
+    ``models[row]``, the quadratic model of E with its changes from step to step, is updated; c1 is its slope at x = 0,
+    extrapolated to this step, and ``predicted`` is x extrapolated from earlier steps.  f and e try a step (`Probe`).
     """
     known, old = models[row, STREAK] > 0, models[row, SLOPE]
     if known:
@@ -333,11 +316,6 @@ def finder(attempt: Callable, table: Callable, followed: bool = True) -> Callabl
     def find(
         search: Search, models: np.ndarray, row: int, predicted: Number, arguments: Any, work: Any
     ) -> tuple[Number, bool, Attempt]:
-        """Find the root x of the energy error E(x): follow it from earlier steps, or search for it.
-
-        ``models[row]`` is the quadratic model of E, ``predicted`` is x extrapolated from earlier steps.  Returns (x,
-        True if found, the `Attempt` at x).
-        """
         c1 = extrapolate_slope(models, row)
         if followed and is_trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
             x, found, result = follow(search, models, row, predicted, c1, arguments)
