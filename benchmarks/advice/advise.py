@@ -61,11 +61,7 @@ def advise(
 ) -> dict[str, Any]:
     """Search for the integration that answers a question; return the answer, the dict that --json prints.
 
-    Parameters
-    ----------
-    ask : the question: problem, span, quantity, and accuracy or time budget
-    problem_words : the words that name the problem on a command line; by default they are made from the problem
-    portfolio_of : (ask, accuracy) -> (integrators to try in order, integrators left out), as `portfolio`
+    ``problem_words`` name the problem on a command line, by default made from it; ``portfolio_of`` is as `portfolio`.
     """
     answer: dict[str, Any] = {
         "problem": ask.problem.label,
@@ -97,7 +93,7 @@ def advise(
 
 
 def _in_time(found: Search, what: str, make: Callable[[], Any], instead: Any) -> Any:
-    """Return ``make()``; if too little time is left for it, note ``what`` as unfinished, and return ``instead``."""
+    """``make()``; if too little time is left for it, ``what`` is noted as unfinished, and it is ``instead``."""
     try:
         with deadline(found.ask.left):
             return make()
@@ -107,7 +103,6 @@ def _in_time(found: Search, what: str, make: Callable[[], Any], instead: Any) ->
 
 
 def _failures(found: Search) -> dict[str, Any]:
-    """The integrators that do not compile, and a warning that names them (None if all compile)."""
     return {
         "failed": [f._asdict() for f in found.failed],
         "warning": failure_summary(found.failed, found.all_own_failed) or None,
@@ -161,8 +156,7 @@ def _explain_unreached(found: Search) -> str:
 def finals(found: Search) -> list[Candidate]:
     """Rank the candidates of a search, the best first: by time or, if a time budget was given, by error.
 
-    Before the ranking by time the fastest few, one more method of this project and one more peer (an integrator of
-    another package) are timed again, in alternation.
+    The fastest few, one more method of this project and one more peer are first timed again in turns.
     """
     if found.ask.budget is not None:
         return sorted(found.found, key=lambda c: c.rung.error)
@@ -239,8 +233,7 @@ def tied(first: Candidate, other: Candidate) -> bool:
 def end_state_error(candidate: Candidate) -> float | None:
     """Distance (max norm over q and p) of a candidate's end state from that of heyoka, an accurate Taylor integrator.
 
-    None if the question's quantity is of whole states, or a statistical one; also None if heyoka is not applicable to
-    the problem, or one of the two runs fails.
+    None if the quantity is of whole states or statistical, heyoka cannot run the problem, or a run fails.
     """
     task, heyoka = candidate.trial.task, integrator(FIRST)
     if task.quantity in (END_STATE, TRAJECTORY) or task.quantity.statistical or heyoka.lacks(task.problem):
@@ -253,10 +246,7 @@ def end_state_error(candidate: Candidate) -> float | None:
 
 
 def lost_orbit(candidate: Candidate, off: float | None) -> str:
-    """A note that the orbit is wrong although the quantity is accurate; "" if the orbit is right.
-
-    ``off`` is the error of the end state (`end_state_error`), or None if unknown.
-    """
+    """A note that the orbit is wrong (its end state by ``off``) although the quantity is accurate; else ""."""
     made = candidate.trial.task.problem
     size = max(map(abs, (*made.q0, *made.p0)))
     if off is None or off <= LOST * size:
@@ -268,12 +258,7 @@ def lost_orbit(candidate: Candidate, off: float | None) -> str:
 
 
 def singularity_note(problem: Problem) -> str:
-    """A note that the singularities of H were not searched for in its formula; "" if they were.
-
-    They are wanted as distances, expressions that vanish where H is infinite, by which methods with variable steps
-    choose their steps.  The search is left out if a denominator of H is too long; the user can then declare the
-    distances with the problem.
-    """
+    """A note that the singularities of H were not searched for, as a denominator of it is too long; else ""."""
     if not singularities.unsearched(problem.system):
         return ""
     return "H has too long a denominator for singular distances to be found in it; declare them with singular="
@@ -287,14 +272,10 @@ def sharing(order: Sequence[Candidate]) -> str:
 
 
 def _second(found: Search) -> dict[str, Any]:
-    """Confirm the reference value, usually computed by heyoka, by a run of another integrator that comes near it.
+    """The reference confirmed, or not, by a run of another integrator: its id, how near it comes, and whether that is
+    near.
 
     If none of the runs of the search does, the integrator `SECOND` is run as well.
-
-    Returns
-    -------
-    dict
-        ``second``, the id of the integrator nearest to the reference; ``distance``, how near; ``confirmed``, a bool
     """
     near = max(found.ask.accuracy or 0.0, CONFIRMED * float(np.abs(found.true.values).max()))
     others = [t for t in found.trials if t.integrator.kind != "heyoka"]
@@ -308,16 +289,12 @@ def _second(found: Search) -> dict[str, Any]:
 
 
 def _nearest(trials: Sequence[Trial]) -> tuple[float, str | None]:
-    """Return (the least error of all complete runs, the id of its integrator); (inf, None) if there is no such run."""
     ended = ((r.error, t.integrator.id) for t in trials for r in t.rungs.values() if r.ok)
     return min(ended, key=lambda x: x[0], default=(inf, None))
 
 
 def _tenfold(found: Search, order: list[Candidate], problem_words: Sequence[str]) -> dict[str, Any] | None:
-    """The cheapest run at a tenth of the accuracy by one of the first few candidates, as a row of the answer.
-
-    None if the reference is not known that well, or no candidate reaches that accuracy in the time left.
-    """
+    """The cheapest run at a tenth of the accuracy by one of the first few candidates, as a row, or None."""
     accuracy, best = found.ask.accuracy / 10, None
     if found.true.uncertainty > KNOWN * accuracy:
         return None

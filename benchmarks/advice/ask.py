@@ -27,13 +27,10 @@ class Ask:
 
     Attributes
     ----------
-    problem, t_end : the problem on one of its orbits, and the end of the span, negative to go back in time
-    quantity : the quantity whose error counts
-    accuracy : its largest error allowed, or None if a budget is given
-    budget : seconds that a run may take, or None
-    conserve : what must be conserved, names of `conservation_claims.claim_names`
-    limit : seconds that the search may take
-    first_use : seconds that the search may take if promising integrators must first be compiled
+    problem, t_end, quantity : the problem on one of its orbits, the end of the span, what is computed
+    accuracy, budget : the largest error allowed, or the seconds that a run may take; the other is None
+    conserve : names of `conservation_claims.claim_names`
+    limit, first_use : seconds that the search may take, and if promising integrators must first be compiled
     progress : called with a line of text for each integrator that is tried
     since : the clock (time.perf_counter) when the user began to wait; None if the limits are of processor time, which
         other processes do not shorten
@@ -80,11 +77,7 @@ def ask(
     progress: Callable[[str], None] = lambda line: None,
     since: float | None = None,
 ) -> Ask:
-    """Check the arguments of `advise` and build the question (see `Ask`); raise InvalidInput for an unusable one.
-
-    Exactly one of ``accuracy`` and ``budget`` (seconds) must be given.  ``limit`` are seconds of the clock since
-    ``since``, or of processor time if that is None.
-    """
+    """Check the arguments of `advise` and build the question (see `Ask`); raise InvalidInput for an unusable one."""
     t_end = span(t_end, getattr(problem, "time_unit", ""))
     if not is_finite(t_end) or t_end == 0:
         raise InvalidInput(f"t_end is {shown(t_end)}; it must be a finite number other than 0")
@@ -113,7 +106,6 @@ def ask(
 
 
 def _positive(name: str, value: object) -> float:
-    """The value as a float; raises InvalidInput unless it is a positive finite number."""
     if not is_finite(value) or value <= 0:
         raise InvalidInput(f"{name} is {shown(value)}; it must be a positive finite number")
     return float(value)

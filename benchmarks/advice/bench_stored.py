@@ -1,7 +1,4 @@
-"""Rewrite `prior.csv` and `models.csv`, stored times which `advise` reads, from complete measurements.
-
-The files are written only with the option --update-tables.
-"""
+"""Rewrite `prior.csv` and `models.csv`, stored times which `advise` reads, with --update-tables."""
 
 from __future__ import annotations
 
@@ -25,10 +22,7 @@ RUNS, MODELS = "front_rungs", ("models", "models_runs")
 
 
 def competition(rows: Iterable[Mapping[str, Any]]) -> tuple[pd.DataFrame, set[str]]:
-    """Return (successful runs of single orbits, with a column ``problem``; ids of the integrators that took part).
-
-    ``rows`` are the stored runs of all integrators at many errors (`studies.trade`).
-    """
+    """(Successful runs of single orbits, with a column ``problem``; ids of the integrators that took part)."""
     named = {x.id for x in (*METHODS, *PEERS)} - {"heyoka-batch"}
     frame = pd.DataFrame([r for r in rows if r.get("status") == OK and r["id"] in named])
     problems = frame["scene"].map(lambda scene: BY_ID[scene].problem.partition(":")[0])
@@ -36,22 +30,14 @@ def competition(rows: Iterable[Mapping[str, Any]]) -> tuple[pd.DataFrame, set[st
 
 
 def bench_prior(outcome: Outcome, complete: Callable[[str], bool], update: bool) -> None:
-    """Write `prior.csv`: each integrator's time over that of the cheapest, by problem and power of ten of the error.
-
-    Skipped unless ``update`` (--update-tables) is set and ``complete`` says that all runs are measured; ``outcome`` has
-    the measured rows.
-    """
+    """Write `prior.csv`: each integrator's time over that of the cheapest, by problem and power of ten of the error."""
     if not update or not complete(RUNS):
         pytest.skip("the prior is made with --update-tables where all of the trade is measured")
     prior.TABLE.save(*competition(outcome.rows(RUNS)))
 
 
 def bench_models(outcome: Outcome, complete: Callable[[str], bool], update: bool) -> None:
-    """Write `models.csv`: errors and times of the simplified models that `advise` may suggest.
-
-    Skipped unless ``update`` (--update-tables) is set and ``complete`` says that all models are measured; ``outcome``
-    has the measured rows.
-    """
+    """Write `models.csv`: errors and times of the simplified models that `advise` may suggest."""
     if not update or not all(map(complete, MODELS)):
         pytest.skip("the models of advice are stored with --update-tables where all of them are measured")
     models.TABLE.save(*(pd.DataFrame(outcome.rows(t)) for t in MODELS))

@@ -18,10 +18,9 @@ class TimeUp(BaseException):
 
 @contextmanager
 def deadline(seconds: float) -> Iterator[None]:
-    """A context that raises `TimeUp` in what it runs after so many seconds.
+    """Raise `TimeUp` in what it runs after so many seconds; compiled code is stopped when it returns.
 
-    It has no effect outside the main thread, where the system has no timers (Windows), and for infinite ``seconds``.
-    A call of compiled code is stopped when it returns.
+    No effect outside the main thread, where the system has no timers (Windows), and for infinite ``seconds``.
     """
     main = threading.current_thread() is threading.main_thread()
     if not (isfinite(seconds) and main and hasattr(signal, "setitimer")):

@@ -94,20 +94,13 @@ class Models:
 
 
 def _solution(t: np.ndarray, x: np.ndarray, v: np.ndarray, bodies: Bodies) -> SimpleNamespace:
-    """A solution object with times ``t`` (rows,), positions ``q`` = x and momenta ``p`` = m v, arrays (rows, 3 N)."""
     return SimpleNamespace(t=t, q=x, p=v * np.repeat(bodies.masses, SPACE))
 
 
 def smallest_model(models: Models, allowed: float) -> tuple[Model, dict[str, dict[str, float]]]:
-    """Find the model of the fewest bodies whose error is at most ``allowed``.
+    """Find the model of the fewest bodies whose error is at most ``allowed``; leaving a body out is preferred.
 
-    Each body but the central one is tried left out and as a test particle; leaving it out is preferred.
-
-    Returns
-    -------
-    tuple
-        The model, and a dict: body -> the errors of the models in which only this body is left out (``left_out``), or
-        made a test particle (``test_particle``)
+    Returns (the model, body -> the errors of leaving out this body alone and of making it a test particle).
     """
     bodies, alone, hopeful = models.bodies, {}, []
     for body in bodies.names[1:]:
@@ -128,20 +121,9 @@ def smallest_model(models: Models, allowed: float) -> tuple[Model, dict[str, dic
 def lower(ask: Ask, true: Truth, candidate: Candidate) -> dict[str, Any] | None:
     """Find the planetary model of the fewest bodies that meets the accuracy, and how much time it saves.
 
-    Returns None for a problem without bodies, a statistical quantity, and a question with a time budget.
-
-    Parameters
-    ----------
-    true : the true value of the quantity
-    candidate : the recommended integration of the full system
-
-    Returns
-    -------
-    dict
-        ``model`` in words; None if no model meets the accuracy, or if this could not be found out (then ``why`` tells
-        the reason); ``left_out`` and ``test_particles``, names of bodies; ``off``, the error at ``t_end`` of the model
-        or, if there is none, of the ``nearest`` one tried; ``saves``, the full system's time over the model's with the
-        same integrator; ``alone``, body -> the errors of leaving out this body alone, and of making it massless
+    None for a problem without bodies, a statistical quantity, and a question with a time budget.  ``off`` is the error
+    of the model or, if none meets the accuracy, of the ``nearest`` one tried; ``saves`` the full system's time over the
+    model's with the integrator of ``candidate``; ``alone`` as of `smallest_model`.
     """
     bodies = getattr(ask.problem, "bodies", None)
     if ask.accuracy is None or bodies is None or ask.quantity.statistical:
@@ -198,11 +180,7 @@ def _none(ask: Ask, alone: dict[str, dict[str, float]]) -> dict[str, Any]:
 
 
 def _saves(ask: Ask, models: Models, model: Model, full: Candidate, accuracy: float) -> float | None:
-    """The full system's time over the model's with the same integrator, each at a step that meets its accuracy.
-
-    ``full`` is the integration of the full system; ``accuracy`` is what the integration of the model must meet.  None
-    if no run of the model meets it.
-    """
+    """The full system's time over the model's with the same integrator, each at a step that meets its accuracy."""
     problem = ask.problem
     if model.light:
         problem = problem.massless(*model.light)
@@ -220,10 +198,7 @@ def _saves(ask: Ask, models: Models, model: Model, full: Candidate, accuracy: fl
 
 
 def _truth(models: Models, model: Model, problem: PlanetarySystem, wanted: Quantity) -> Truth:
-    """The true value of the quantity in the model's own dynamics, from a reference run of the model in doubles.
-
-    For a conserved quantity, the true value in the full system.
-    """
+    """The true value of the quantity in the model's own dynamics, from a reference run of the model in doubles."""
     if wanted.kept:
         return models.true
     x, v = models.rows(model)
@@ -233,7 +208,7 @@ def _truth(models: Models, model: Model, problem: PlanetarySystem, wanted: Quant
 
 
 def summarize(found: dict[str, Any]) -> str:
-    """A sentence on which bodies may be left out or made massless, and what that saves, from the result of `lower`."""
+    """A sentence on which bodies may be left out or made massless, and what that saves."""
     if found["off"] is None:
         return f"which bodies may be left out is not known: {found['why']}"
     off = f"{found['off']:.2g} at t = {found['t_end']:g}"

@@ -20,10 +20,7 @@ LEAST = 1e-17
 
 @style.styled
 def advice(found: Advice) -> Figure:
-    """Draw seconds against error: each recommended integration with its own colour and marker, the others grey.
-
-    Raises InvalidInput if nothing is recommended.
-    """
+    """Draw seconds against error: each recommended integration with its own colour and marker, the others grey."""
     if found.choice is None:
         raise InvalidInput(f"there is nothing to draw: {found.why}")
     figure, ((axes,),) = style.panels(1, 1, 3.6)

@@ -44,11 +44,7 @@ MIDDLE = 1e-6
 
 
 class Candidate:
-    """An integrator with a run that meets the accuracy or the time budget, and its measured times.
-
-    ``trial`` has the integrator and its runs on the problem; ``rung`` is the run that meets the accuracy: its step or
-    tolerance, error and seconds.
-    """
+    """An integrator with a run that meets the accuracy or the time budget, and its measured times."""
 
     def __init__(self, trial: Trial, rung: Rung) -> None:
         self.trial, self.rung, self.seconds = trial, rung, rung.seconds
@@ -65,7 +61,7 @@ class Candidate:
         return self.trial.seconds(self.rung)
 
     def row(self, ask: Ask, problem_words: Sequence[str] | None) -> dict[str, Any]:
-        """The candidate as a dict of the answer: integrator, parameters, step or tolerance, command, error, times."""
+        """The candidate as a dict of the answer."""
         rung = self.rung
         how = {"tol": rung.tol} if rung.steps is None else {"h": ask.t_end / rung.steps, "steps": rung.steps}
         return {
@@ -87,10 +83,7 @@ class Candidate:
 
 
 class Search:
-    """A search for the cheapest integration: the question, the runs made, the candidates found, integrators dropped.
-
-    ``true`` is the true value of the question's quantity.
-    """
+    """A search for the cheapest integration: the question, the runs made, the candidates found, integrators dropped."""
 
     def __init__(self, ask: Ask, true: Truth) -> None:
         self.ask, self.true = ask, true
@@ -111,10 +104,7 @@ class Search:
         return Task(self.ask.problem, self.ask.t_end, self.ask.quantity, self.true)
 
     def cheapest(self, integrator: Integrator) -> float:
-        """Seconds of the cheapest candidate so far among integrators of the same origin as ``integrator``.
-
-        The origins are two: this project's methods, and peers (integrators of other packages).
-        """
+        """Seconds of the cheapest candidate so far of the same side, this project's methods or peers."""
         side = integrator.kind == OURS
         return min((c.seconds for c in self.found if (c.integrator.kind == OURS) is side), default=inf)
 
@@ -125,18 +115,13 @@ class Search:
         return not compiled and any(f.integrator in METHODS for f in self.failed)
 
     def over(self, share: float = SEARCHED, limit: float | None = None) -> bool:
-        """True if the search has used up more than the fraction ``share`` of ``limit`` seconds.
-
-        ``limit`` is by default that of the question.
-        """
+        """True if the search has used up more than the fraction ``share`` of ``limit`` seconds."""
         return self.ask.spent > share * (self.ask.limit if limit is None else limit)
 
     def try_all(self, members: Sequence[tuple[Integrator, float]]) -> None:
-        """Try the integrators in turn; drop those for which no time is left, and those expected to be far too slow.
+        """Try the (integrator, expected time over that of the cheapest) in turn; drop those for which no time is left.
 
-        ``members`` are (integrator, expected time over that of the cheapest), in the order in which they are tried.
-        A method of this project is compared only with the cheapest of these methods, and a peer (an integrator of
-        another package) with the cheapest peer.
+        Those expected to be far too slow are dropped, too: methods against methods, peers against peers.
         """
         dear = {side: HOPELESS * min([x for i, x in members if _own(i) is side], default=1.0) for side in SIDES}
         promising = _promising(members)
@@ -205,9 +190,7 @@ class Search:
     def start(self, trial: Trial, accuracy: float) -> float:
         """The tolerance or the number of steps at which the search for an integrator's cheapest run begins.
 
-        A tolerance is a tenth of the accuracy, within limits.  The number of steps is 1 for a method that is exact on
-        the problem, else a quarter of the number that heyoka, an accurate Taylor integrator, takes on the span.  Too
-        coarse a start costs little: all runs up to the one that meets the accuracy cost less than that one.
+        Too coarse a start costs little: all runs up to the one that meets the accuracy cost less than that one.
         """
         if trial.integrator.adaptive:
             return min(max(accuracy / 10, trial.integrator.record.least), LOOSEST)
@@ -218,10 +201,7 @@ class Search:
         return self.pace / 4
 
     def _pace(self) -> int:
-        """Number of steps that heyoka takes on the span, extrapolated from a part of it; at least `UNPACED`.
-
-        It tells how fast the motion is, and is used if heyoka did not run on the whole span.
-        """
+        """Number of steps that heyoka takes on the span, extrapolated from a part of it; at least `UNPACED`."""
         part = self.ask.t_end * PART
         try:
             run = integrator_of(FIRST).run(self.ask.problem, t_end=part, tol=MIDDLE, save_every=0)
@@ -235,11 +215,7 @@ def _own(integrator: Integrator) -> bool:
 
 
 def _promising(members: Sequence[tuple[Integrator, float]]) -> set[str]:
-    """Ids of the integrators expected to be cheap: at most `MOST` methods of this project, and as many peers.
-
-    ``members`` are (integrator, expected time over that of the cheapest).  A method counts as promising within the
-    factor `PROMISING` of the least expected time of all methods, a peer within that factor of the least of all peers.
-    """
+    """Ids of the integrators expected to be cheap: at most `MOST` methods of this project, and as many peers."""
     found: set[str] = set()
     for side in SIDES:
         ours = [(i.id, expected) for i, expected in members if _own(i) is side]

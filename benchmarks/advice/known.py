@@ -25,11 +25,7 @@ NOTHING = 0.5
 
 
 def true_value(ask: Ask) -> tuple[Truth | None, str]:
-    """Compute the true value of the quantity of a question; return (true value, reason).
-
-    The reason says why the value cannot judge the accuracy, and is "" if it can.  The true value is None if there is no
-    reference.
-    """
+    """The true value of the quantity of a question (None without a reference), and why it cannot judge the accuracy."""
     try:
         true = truths.truth(ask.problem, ask.quantity, ask.t_end)
     except ReferenceFailed as error:
@@ -67,7 +63,6 @@ def doubt(ask: Ask, true: Truth) -> str:
 
 
 def _rounding(ask: Ask, true: Truth) -> float:
-    """Error that rounding to long double causes in the quantity by the end; 0 for a statistical quantity."""
     if ask.quantity.statistical:
         return 0.0
     if true.source == truths.CERTIFIED:

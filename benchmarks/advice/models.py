@@ -31,10 +31,9 @@ SAME = 1e-9
 
 
 class Rung(NamedTuple):
-    """A model of a problem, simplified or the full problem itself (``full``), and its measured integrations.
+    """A model of a problem, simplified or the full problem itself, and its measured integrations (error, seconds).
 
-    ``off`` bounds the error that the simplification causes in the quantity; ``runs`` are (error, seconds) of
-    integrations of the model.
+    ``off`` bounds the error that the simplification causes in the quantity.
     """
 
     model: str
@@ -48,10 +47,7 @@ class Rung(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """The models of one problem for one span and quantity: ``rungs``, the full model last.
-
-    ``key`` is the problem's `fingerprint`, ``d`` its number of degrees of freedom.
-    """
+    """The models of a problem for one span and quantity, the full one last; ``key`` is the problem's `fingerprint`."""
 
     key: str
     d: int
@@ -77,8 +73,7 @@ def _scene(lines: list[dict[str, str]]) -> Scene:
 def scene_of(ask: Ask) -> Scene | None:
     """The stored simplified models of a question's problem, measured for its quantity; None if there are none.
 
-    Of several stored spans, the shortest one that covers the span of the question is taken; if several scenes have
-    that span, their models are joined.
+    Of several stored spans, the shortest one that covers the span of the question is taken; its scenes are joined.
     """
     problem, name = ask.problem, ask.quantity.name
     near = [
@@ -95,16 +90,10 @@ def scene_of(ask: Ask) -> Scene | None:
 
 
 def lower(ask: Ask) -> dict[str, Any] | None:
-    """Find the cheapest simplified model that meets the accuracy.
+    """Find the cheapest simplified model that meets the accuracy; None without stored models or an accuracy.
 
-    Returns None for a problem without stored models, and for a question with a time budget.
-
-    Returns
-    -------
-    dict
-        ``model``, its name, or None if no model meets the accuracy; ``off``, the error at ``t_end`` of the model or, if
-        there is none, of the ``nearest`` one; ``t_end``, a stored time not before the question's end; ``saves``, the
-        full problem's time over the model's
+    ``off`` is the error at the stored ``t_end`` of the model or, if none meets the accuracy, of the ``nearest`` one;
+    ``saves`` the full problem's time over the model's.
     """
     scene = None if ask.accuracy is None or ask.t_end < 0 else scene_of(ask)
     if scene is None:
@@ -145,11 +134,7 @@ def _off(found: dict[str, Any]) -> str:
 
 
 def build(models: pd.DataFrame, runs: pd.DataFrame) -> Iterator[dict[str, object]]:
-    """Yield the lines of `models.csv` from two measured tables.
-
-    ``models`` (DataFrame) has a row per scene and simplified model, with the error that the simplification causes in
-    the scene's quantity (the modelling error); ``runs`` has the errors and times of integrators on each model.
-    """
+    """Yield the lines of `models.csv` from the tables of modelling errors and of runs of integrators on each model."""
     for id, rungs in models.groupby("scene", sort=False):
         ladder = BY_ID[id]
         full = ladder.rungs[-1].make()

@@ -29,14 +29,7 @@ class Dropped(NamedTuple):
 
 
 def portfolio(ask: Ask, accuracy: float) -> tuple[list[tuple[Integrator, float]], list[Dropped]]:
-    """Select the integrators to try on a question's problem.
-
-    Returns
-    -------
-    tuple
-        A list of (integrator, expected time over that of the cheapest integrator) in the order to try, and a list of
-        the integrators that are not tried, with the reasons
-    """
+    """The (integrator, expected time over that of the cheapest) to try, in order, and those that are not tried."""
     able, dropped = [], []
     for record in (*METHODS, *PEERS):
         integrator = Integrator(record)
@@ -54,10 +47,7 @@ def portfolio(ask: Ask, accuracy: float) -> tuple[list[tuple[Integrator, float]]
 
 
 def _in_turn(members: list[Integrator]) -> dict[str, int]:
-    """Return a dict: id of an integrator -> its rank (0, 1, ...) among those of its kind.
-
-    Kinds are this project and each other package.  Sorted by rank, integrators of different kinds alternate.
-    """
+    """Id of an integrator -> its rank among those of its kind: sorted by it, integrators of kinds alternate."""
     kinds: dict[str, list[str]] = {}
     for i in members:
         kinds.setdefault(i.kind, []).append(i.id)
@@ -65,7 +55,6 @@ def _in_turn(members: list[Integrator]) -> dict[str, int]:
 
 
 def _refusal(integrator: Integrator, ask: Ask) -> str | None:
-    """Why an integrator is not tried, or None if it is."""
     if integrator.id in LANES:
         return "it integrates many orbits at once; its time is not one orbit's"
     if not integrator.installed:

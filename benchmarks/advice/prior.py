@@ -28,12 +28,9 @@ ANY = "any"
 
 
 class Prior(NamedTuple):
-    """How much slower than the cheapest integrator each one was in stored measurements.
+    """How much slower than the cheapest each integrator was, by problem, exponent of ten of the error, and integrator.
 
-    Attributes
-    ----------
-    factors : problem -> exponent of ten of the error that was wanted -> integrator -> its time over the cheapest one's
-    competitors : the ids of the integrators that were measured
+    ``competitors`` are the ids of the integrators that were measured.
     """
 
     factors: dict[str, dict[int, dict[str, float]]]
@@ -46,10 +43,7 @@ def decade(accuracy: float) -> int:
 
 
 def factors(problem_id: str, accuracy: float, ids: Iterable[str]) -> dict[str, float]:
-    """Return a dict: integrator -> expected time over that of the cheapest integrator, at an accuracy.
-
-    It is the stored factor on this problem or, if the problem is not stored, the geometric mean over all problems.
-    """
+    """Integrator -> expected time over that of the cheapest: as stored, or the geometric mean over all problems."""
     at, ids, (all_, competitors) = decade(accuracy), list(ids), TABLE.load()
     if problem_id in all_ and at in all_[problem_id]:
         here = all_[problem_id][at]
@@ -60,11 +54,7 @@ def factors(problem_id: str, accuracy: float, ids: Iterable[str]) -> dict[str, f
 
 
 def _mean(values: list[float], tables: int) -> float:
-    """The geometric mean of an integrator's stored factors ``values``, or a default if it has none.
-
-    ``tables`` is the number of problems (or scenes) with stored measurements.  Without a factor, the default is
-    `UNKNOWN` if ``tables`` is 0, else `LARGEST`, since the integrator then met the error on none of them.
-    """
+    """The geometric mean of stored factors; without one, `LARGEST`, as it met the error on none of the ``tables``."""
     if not values:
         return UNKNOWN if not tables else LARGEST
     return exp(sum(map(log, values)) / len(values))
@@ -88,10 +78,7 @@ def build(rows: pd.DataFrame, competitors: Iterable[str] = ()) -> list[dict[str,
 
 
 def _shares(rows: pd.DataFrame, error: float) -> dict[str, float]:
-    """Return a dict: integrator -> time of its cheapest run that meets the error, over that of the cheapest integrator.
-
-    ``rows`` (columns id, error, seconds) are runs on one problem; integrators that miss the error are left out.
-    """
+    """Integrator -> time of its cheapest run that meets the error, over that of the cheapest integrator."""
     cheapest = rows[rows["error"] <= error].groupby("id")["seconds"].min()
     return {} if cheapest.empty else (cheapest / cheapest.min()).to_dict()
 

@@ -39,15 +39,14 @@ class Advised:
 
     Attributes
     ----------
-    integrator, params : the id of a method or a peer (integrator of another package), and the values of its parameters
+    integrator, params : the id of a method or a peer, and the values of its parameters
     h, steps, tol : the step and the number of steps, or the tolerance; else None
-    model : "full", since the problem is integrated itself, not a simplified model of it
     command : the command line of the integration
     error, uncertainty : the error of the quantity, and the uncertainty of the reference value
     seconds, interval : the median of warm runs, and its interval where it was timed in turns with others
     remark : such as "exact for this problem: any step"
     end_state_error : distance from heyoka's end state, where a conserved quantity was asked for
-    tie : whether its time cannot be told apart from that of the recommended integration (``Advice.choice``)
+    tie : whether its time cannot be told apart from that of ``Advice.choice``
     """
 
     integrator: str
@@ -74,11 +73,11 @@ class Advice(TabularResult):
     ----------
     problem, t_end, quantity, accuracy, budget : the question
     choice, runner_up : the recommended integration and the second best, or None
-    own, peer : the best one of this project's methods, and of the peers (integrators of other packages), or None
+    own, peer : the best one of this project's methods, and of the peers, or None
     next : the cheapest integration that meets a tenth of the accuracy, or None
     verified : whether the choice met the accuracy when it was run again, and the reference was confirmed
     why : why nothing is advised, else ""
-    alternatives, dropped : rows of others that meet the accuracy, and of those that fell out, with the reason
+    alternatives, dropped : others that meet the accuracy, and those that fell out, with the reason
     lower_model : a simpler model that meets the accuracy, or None
     notes : sentences on what could invalidate the advice
     incomplete : whether a time limit ended it before all that could have changed the answer was tried
@@ -114,10 +113,7 @@ class Advice(TabularResult):
         return frame
 
     def plot(self) -> Figure:
-        """A work-precision diagram: error against seconds of all integrations that met the accuracy.
-
-        The recommended ones (choice, own, peer, runner-up, next) are named in the legend.
-        """
+        """A work-precision diagram: error against seconds of all integrations that met the accuracy."""
         from .figures import advice
 
         return advice(self)
@@ -142,7 +138,6 @@ class Advice(TabularResult):
 
 
 def _advised(row: dict[str, Any] | None) -> Advised | None:
-    """Convert one integration of the answer from a dict to `Advised`; None stays None."""
     if row is None:
         return None
     names = {f.name for f in fields(Advised)}
@@ -231,16 +226,11 @@ def advise(
 
 
 def _name(problem: Any) -> str | None:
-    """The name or path by which a problem was given; None if it was given as an object."""
     return str(problem) if isinstance(problem, (str, Path)) else None
 
 
 def _made(problem: Any, q0: State | None, p0: State | None) -> tuple[Problem, Problem]:
-    """Return (the problem as given, the same problem with the initial state q0, p0).
-
-    ``problem`` is a name, a path, a `Problem` or a system; a system is made a `Problem` with this initial state, which
-    is returned twice.
-    """
+    """(The problem as given, the same problem with the initial state q0, p0); a system is made a `Problem` with it."""
     if isinstance(problem, (str, Path)):
         problem = problem_of(problem)
     if not isinstance(problem, Problem):
@@ -251,7 +241,6 @@ def _made(problem: Any, q0: State | None, p0: State | None) -> tuple[Problem, Pr
 
 
 def _with_state(line: list[str], q0: State | None, p0: State | None) -> list[str]:
-    """Append the options --q and --p to the command-line words ``line``, where an initial state is given."""
     for option, value in (("--q", q0), ("--p", p0)):
         line = line if value is None else [*line, option, words.format_numbers(value)]
     return line

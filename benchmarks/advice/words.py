@@ -15,10 +15,7 @@ if TYPE_CHECKING:
 
 
 def problem_arguments(problem: Problem, name: str | None = None) -> list[str] | None:
-    """The command-line arguments that name a problem: an id or a file (``name``) with its parameters, or a formula.
-
-    None if no command line can name it, such as a system without a name that is not canonical.
-    """
+    """The command-line arguments that name a problem: an id or a file with its parameters, or a formula; or None."""
     from phasebench.benchmarks.problems import PROBLEMS
     from phasebench.benchmarks.problems import problem as registered
 
@@ -51,10 +48,7 @@ def format_numbers(x: Sequence[float]) -> str:
 
 
 def command(ask: Ask, integrator: Integrator, size: dict[str, Any], problem_words: Sequence[str] | None) -> str | None:
-    """The command that runs an integrator at a step or tolerance; None if ``problem_words`` is None.
-
-    ``size`` is {"steps": number of steps} or {"tol": tolerance}; ``problem_words`` are the words that name the problem.
-    """
+    """The command that runs an integrator at {"steps": n} or {"tol": x}; None if ``problem_words`` is None."""
     if problem_words is None:
         return None
     positional = [] if problem_words[0].startswith("--") else [problem_words[0]]

@@ -1,13 +1,7 @@
 """The audit: run established integrators as black boxes and compare what they claim with what is measured.
 
-    from phasebench.benchmarks.audit.audit import audit
-    found = audit(["rebound-leapfrog", "scipy"])
-    print(found.contradictions)
-
-Measured of each integrator: the order with its interval, symplecticity and reversibility defects beside those of
-methods with proved structure, energy error and drift, stability limit, cost.  Methods of this project are audited as
-controls, and must come out as declared.  See `measures` for how it is measured, `cases` for the problems, `claims` for
-the verdicts.
+Methods of this project are audited as controls, and must come out as declared.  See `measures` for how it is measured,
+`cases` for the problems, `claims` for the verdicts.
 """
 
 from __future__ import annotations
@@ -38,14 +32,7 @@ QUICK = {False: ("order", "symplecticity"), True: ("tolerance", "reversibility")
 
 @dataclass(repr=False)
 class Audit(TabularResult):
-    """The result of an audit of established integrators (peers: those of other packages).
-
-    Attributes
-    ----------
-    rows : a row for each measure of each peer on each problem
-    claims : a row for each claim of a peer, with its verdict
-    remarks : sentences on structures that are kept but not claimed
-    """
+    """The result of an audit: ``rows`` of measures, ``claims`` with verdicts, ``remarks`` on structures not claimed."""
 
     rows: list[dict[str, Any]] = field(default_factory=list)
     claims: list[dict[str, Any]] = field(default_factory=list)
@@ -137,7 +124,6 @@ def audit(
 
 
 def _is_registered(peer: Integrator) -> bool:
-    """True if another process can find the same integrator by its id."""
     from phasebench.reference.peers import BY_ID
 
     return (peer.id in BY_ID or peer.id in CONTROLS) and peer == integrator(peer.id)

@@ -28,15 +28,10 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Case:
-    """A problem of the audit with its start, step and span, which follow from the problem's `pace` (its time scales).
+    """A problem of the audit, whose start, step and span follow from its `pace`.
 
-    Attributes
-    ----------
-    problem, parameters : the problem's name with its orbit, and (name, value) of parameters without the default value
-    letter : abbreviation of the problem in tables
-    separable : whether H = T(p) + V(q)
-    unit : whether all components are of about the same size, so that one finite-difference displacement suits them all
-    lasting : whether the orbit has no close encounters over long times
+    ``unit`` says whether one finite-difference displacement suits all components, ``lasting`` whether the orbit has no
+    close encounters.
     """
 
     problem: str
@@ -101,13 +96,9 @@ def start(case: Case) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Truth:
-    """The reference states of a case, and the error that counts as noise.
+    """The reference states of a case at `ROWS` equally spaced times, arrays (ROWS, d), and the error that is noise.
 
-    Attributes
-    ----------
-    q, p : states at `ROWS` equally spaced times, arrays (ROWS, d)
-    sizes : the largest |q| and the largest |p|, to which errors are relative
-    noise : relative error up to which a difference from these states is noise
+    ``sizes`` are the largest |q| and the largest |p|, to which errors and the noise are relative.
     """
 
     q: np.ndarray
@@ -146,11 +137,7 @@ def able(peer: Integrator, wanted: Iterable[Case]) -> list[Case]:
 
 
 def select(peer: Integrator, measure: str, quick: bool = False) -> list[Case]:
-    """The cases for a measure that a peer can integrate.
-
-    For "order" and "tolerance" there are up to two cases with separable H and one or two without, for most others up to
-    one of each, for "cost" and in quick runs one, for "stability" the harmonic oscillator.
-    """
+    """The cases for a measure that a peer can integrate."""
     if measure == "stability":
         return able(peer, (OSCILLATOR,))
     split = able(peer, [c for c in CASES if c.separable])

@@ -1,15 +1,7 @@
 """Judge the packages' claims from the audit's rows: they hold, are contradicted or understated, or cannot be judged.
 
-A package that does better than it claims understates, which is no contradiction.
-
-- Order: contradicted where at least two problems differ and none agrees (understated where all orders are higher);
-  holds where at least one agrees and none differs; holds in part where problems disagree.
-- Symplectic, reversible: one problem on which the structure is broken contradicts the claim.  If a package denies a
-  structure that is kept on all problems, its claim is understated.
-- Energy: "bounded" is contradicted by a drift; "round-off" by an error of 10 times round-off; "drifts" is understated
-  where an error above round-off stays bounded on all problems.
-
-The decisions are made by `judge.decide` with the thresholds `AUDIT`.
+A package that does better than it claims understates, which is no contradiction.  The decisions are made by
+`judge.decide` with the thresholds `AUDIT`.
 """
 
 from __future__ import annotations
@@ -32,7 +24,6 @@ KEPT = {"symplecticity": "symplectic", "reversibility": "reversible"}
 
 
 def _order(row: dict) -> str:
-    """The order with its interval and problem, or the reason why there is none."""
     if not has(row, "value"):
         return f"{row['reason']} ({row['problem']})"
     return f"{row['value']:.2f} [{row['low']:.2f}, {row['high']:.2f}] ({row['problem']})"
@@ -49,7 +40,6 @@ def _structure(row: dict) -> str:
 
 
 def _energy(row: dict) -> str:
-    """The largest energy error, and the slope of the drift with its interval."""
     slope = f"{row['slope']:.1e} [{row['low']:.1e}, {row['high']:.1e}]"
     return f"max {row['value']:.1e}, slope {slope} to t = {row['time']:.0f} ({row['problem']})"
 
@@ -83,7 +73,6 @@ def decision(name: str, claimed: int | bool | str, rows: list[dict]) -> tuple[st
 
 
 def _words(name: str, claimed: int | bool | str) -> str:
-    """A claim in words, as "order 4" or "not symplectic"."""
     if name == "order":
         return f"order {claimed:.0f}"
     if name == "energy":

@@ -93,8 +93,7 @@ def run(
 ) -> Solution:
     """Integrate a case with a peer and return the solution; raise RunFailed unless its status is one of ``fine``.
 
-    ``state`` (q, p) replaces the case's start; the solution has a row after each ``every`` steps (0: at the end only);
-    ``tol`` is the tolerance of an adaptive peer.
+    ``state`` (q, p) replaces the case's start; the solution has a row after each ``every`` steps (0: at the end only).
     """
     q, p = cases.start(case) if state is None else state
     try:
@@ -157,7 +156,6 @@ def order(peer: Integrator, case: Case, late: Callable[..., bool]) -> dict:
 def asymptotic(h: np.ndarray, error: np.ndarray, noise: float) -> tuple[metrics.Order, float]:
     """Fit the order in the window of steps in which the error falls as a power of h.
 
-    ``h`` and ``error`` are arrays (m,), from the largest step on; ``noise`` is the error below which round-off counts.
     Returns (order with its interval and window, half the difference of the order between the finer and the coarser half
     of the window).
     """
@@ -178,7 +176,6 @@ def asymptotic(h: np.ndarray, error: np.ndarray, noise: float) -> tuple[metrics.
 
 
 def _bend(found: metrics.Order, h: np.ndarray, error: np.ndarray) -> float:
-    """Half the difference of the error's log-log slopes over the finer and the coarser half of an order's window."""
     if found.points < 3:
         return 0.0
     inside = (h <= found.first) & (h >= found.last)
@@ -204,7 +201,6 @@ def _map(
 
 
 def _symplectic_defect(peer: Integrator, case: Case, h: float, steps: int) -> tuple[float, float]:
-    """Return (the symplecticity defect max |M^T J M - J| of ``steps`` steps, its noise)."""
     y = np.concatenate(cases.start(case))
     value, noise = step_map.symplecticity(_map(peer, case, h, steps), y, DISPLACEMENT, 2 * DISPLACEMENT)
     return value, max(noise, EPS * float(np.abs(y).max()) * steps / DISPLACEMENT)
@@ -256,11 +252,7 @@ def _structure(measure: str, peer: Integrator, case: Case, steps: int) -> dict:
 
 
 def symplecticity(peer: Integrator, case: Case, late: Callable[..., bool]) -> dict:
-    """Measure the symplecticity defect of 1 and of 10 steps; return the one that shows more.
-
-    If the structure is broken, this is the defect that is farther above its floor; if it is kept, the one for which
-    RK4's defect, the example of a broken structure, is farther above the floor.
-    """
+    """Measure the symplecticity defect of 1 and of 10 steps; return the one that shows more."""
     rows = []
     for steps in JACOBIAN_STEPS:
         rows.append(_structure("symplecticity", peer, case, steps))

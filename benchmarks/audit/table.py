@@ -26,7 +26,6 @@ WIDTH = 100
 
 
 def _uncertain(row: dict, value: str, form: str) -> str:
-    """A value of a row with half the width of its confidence interval."""
     return f"{row[value]:{form}} +- {(row['high'] - row['low']) / 2:{form.removeprefix('+')}}"
 
 
@@ -72,7 +71,6 @@ def _cost(row: dict) -> str:
 
 
 def _tolerance(row: dict) -> str:
-    """The errors at each of `TOLERANCES`, then at other tolerances."""
     parts = ["-" if row.get(k) is None else f"{row[k]:.0e}" for k in ERRORS]
     others = [k for k in row if k.startswith("error_") and k not in ERRORS and row[k] is not None]
     return ", ".join(parts + [f"{row[k]:.0e} at {k.removeprefix('error_')}" for k in others])
@@ -139,10 +137,7 @@ def lines(rows: list[dict], claims: list[dict], adaptive: bool) -> list[dict]:
 
 
 def show(found: Audit, console: Console | None = None) -> None:
-    """Print an `Audit`: the measures of each integrator, every claim with its verdict, failures, contradictions.
-
-    If the console is not a terminal, the output is as wide as the environment variable COLUMNS says, or else `WIDTH`.
-    """
+    """Print an `Audit`: the measures of each integrator, every claim with its verdict, failures, contradictions."""
     from rich.console import Console
 
     console = console or Console()
@@ -170,7 +165,6 @@ def show(found: Audit, console: Console | None = None) -> None:
 
 
 def _pairs(line: dict) -> Table:
-    """The measures of one integrator and their values; those not made are left out."""
     from rich.table import Table
     from rich.text import Text
 

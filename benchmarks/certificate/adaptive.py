@@ -20,16 +20,7 @@ TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 
 
 def end(subject: Subject, entry: Entry, y: np.ndarray, tol: float) -> tuple[np.ndarray, int]:
-    """Run an adaptive integrator on a test system from the state y, array (2 d,), to `T_END` units of time.
-
-    Returns (end state, array (2 d,); number of evaluations of dH/dq and dH/dp together).  Raises StepFailed if the run
-    fails, and InputChanged if it changes the q or p that it was given.
-
-    Parameters
-    ----------
-    subject, entry : the integrator, and the test system
-    tol : the tolerance
-    """
+    """The state after `T_END` units of time, and the evaluations; raises StepFailed, or InputChanged."""
     system, d = own_step.System(entry.system), entry.system.d
     q, p = y[:d].copy(), y[d:].copy()
     with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
@@ -52,17 +43,10 @@ class Unknown(Exception):
 
 
 def tolerances(subject: Subject, entry: Entry, seed: int) -> dict:
-    """Run an adaptive integrator on a system at each of `TOLERANCES`; return a row for the certificate.
+    """Run an adaptive integrator on a system at each of `TOLERANCES`: a row of the certificate.
 
-    The initial state is that of ``entry``, displaced at random by the seed.  An error that is no number counts as
-    infinite.  Raises Unknown if the reference is too uncertain.
-
-    Returns
-    -------
-    dict
-        ``on``, the name of the system; ``repeats``, whether a repeated run ends in the same state; and lists with a
-        number for each of the ``tolerances``: ``errors`` of the end state, relative to its largest component;
-        ``energy``, the |H - H(0)| at the end; ``evaluations`` of dH/dq and dH/dp together
+    Errors are relative to the end state's largest component, infinite where no number; ``energy`` is |H - H(0)| at the
+    end.  Raises Unknown if the reference is too uncertain.
     """
     y, errors, energies, counts = entry.start(seed), [], [], []
     exact, doubt = flow(entry, seed, T_END * entry.unit, 32)

@@ -1,10 +1,8 @@
 """The systems on which a step is certified: small, nonlinear, not all of the form H = T(p) + V(q), at random states.
 
 A step that is right on one kind of system only, or at one state only, must not pass: d is 1, 2, 3, 4 and 6, the kinetic
-energy is not always |p|^2 / 2, and a seed moves every component of a state.  Steps with special requirements are
-certified on systems of their own: those that require a charged particle on `magnetic` systems, in the plane and in
-space, with masses and fields E and B that vary; those that require constraints on `constrained` systems, in doubles;
-those that require a rigid body, or parts of H with known flows, on `rigid` and `parts`.
+energy is not always |p|^2 / 2, and a seed moves every component of a state.  Steps with special requirements have
+systems of their own (`BY_TRAIT`).
 """
 
 from __future__ import annotations
@@ -31,20 +29,18 @@ NUDGED = 1e-3
 
 @dataclass(frozen=True)
 class Entry:
-    """A test system on which steps (one-step integrators) are measured, with a state to start from and its units.
+    """A test system with a state to start from and its units.
 
     Attributes
     ----------
     name : its name in certificates
     system, state : the system, and its initial state before a seed moves it, 2 d numbers
     reversible : whether H(q, -p) = H(q, p)
-    invariant : an expression that is conserved besides H, as text, or ""
-    kind : the kind of that invariant, "bilinear" or "quadratic"
+    invariant, kind : an expression that is conserved besides H, or "", and its kind, "bilinear" or "quadratic"
     lasting : whether long runs are made on it
     unit : the unit of time, a power of two; steps are fractions of it
     size : the typical sizes of q and of p, by which errors and structural defects are divided
-    share : how a seed displaces the state: if True, each component by a random fraction of itself, as in a user's own
-        problem; if False, each by a random amount up to `MOVED`
+    share : if True, a seed moves each component by a share of itself, as in a user's own problem; else by up to `MOVED`
     """
 
     name: str
@@ -185,10 +181,7 @@ def find_entry(name: str) -> Entry:
 
 
 def of_problem(problem: Problem) -> Entry:
-    """Make an entry of the battery (a system with a state, for certificates) from a user's own problem.
-
-    Its state is the initial state of the problem's chosen orbit, and long runs are made on it.
-    """
+    """Make an entry of a user's own problem; it starts from the chosen orbit, and long runs are made on it."""
     system = problem.system
     state = np.array([*problem.q0, *problem.p0], dtype=float)
     d = system.d
@@ -208,14 +201,10 @@ def _energy(system: PartitionedSystem, state: np.ndarray) -> float:
 
 
 def time_unit(system: PartitionedSystem, state: np.ndarray, sizes: np.ndarray) -> float:
-    """Return a unit of time, a power of two, that is short beside the motion of a system near a state.
+    """A unit of time, a power of two, in which no component of the state moves by more than its size.
 
-    In this time no component of the state moves by more than its size, and no linear mode at the state advances by more
-    than a radian: the modes' rates are the moduli of the eigenvalues of the vector field's Jacobian.
-
-    Parameters
-    ----------
-    state, sizes : arrays (2 d,), the state and the units of its components
+    Nor does any linear mode at the state advance by more than a radian: the modes' rates are the moduli of the
+    eigenvalues of the vector field's Jacobian.  ``state`` and ``sizes`` are arrays (2 d,).
     """
     field = system.vector_field()
     columns = []

@@ -29,11 +29,7 @@ AREA = 1e-12
 
 
 def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """Take a few steps on each system; return a row (dict) for each system, which says whether the steps ran.
-
-    A row has ``on``, the system; the ``status`` "ok", "diverged" or "raised", with the ``reason``; and, unless the step
-    raised, ``dH_dq`` and ``dH_dp``, the number of evaluations of each gradient per step.
-    """
+    """Take a few steps on each system: a row for each, with ``status`` and ``reason``, and evaluations per step."""
     rows = []
     for entry in entries:
         stepper = Stepper(subject, entry)
@@ -51,12 +47,7 @@ def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
 
 
 def state_between_steps(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """Measure whether a step has memory: how much its results change when it is called again, or for another system.
-
-    Returns a row for each system, whose ``value`` is the difference between a step and the same step repeated, and a
-    row for each of up to three pairs of systems, whose ``value`` is the difference between steps on one system alone
-    and the same steps taken in alternation with steps on the other.  A function without memory has 0.
-    """
+    """How much a step's results change when it is called again, or in turns with steps on another system."""
     rows = []
     for entry in entries:
         stepper, y = Stepper(subject, entry), entry.start(seed)
@@ -83,10 +74,7 @@ def _distance(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """Measure how much a step changes the arrays q and p that it is given; return a row for each system.
-
-    ``value`` is this change, and ``later`` how much calls at other states change the arrays that the first returned.
-    """
+    """How much a step changes the q and p it is given, and (``later``) those that an earlier call returned."""
     rows = []
     for entry in entries:
         stepper, y = Stepper(subject, entry), entry.start(seed)
@@ -106,7 +94,7 @@ def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dic
 
 
 def rounding(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """Measure the round-off of a step in doubles, relative to the state: a row with this ``value`` for each system.
+    """Round-off of a step in doubles, relative to the state, on each system.
 
     The step is taken from states on a short line, on which a smooth map has fourth differences far below round-off.
     """
@@ -139,12 +127,9 @@ def arithmetic(subject: Subject, entries: list[Entry], seed: int) -> str:
 
 
 def stability(subject: Subject) -> dict:
-    """Measure the linear stability limit, in h omega, on the harmonic oscillator; return a row for the certificate.
+    """Measure the linear stability limit, in h omega, on the harmonic oscillator; a row with only a ``reason`` if none.
 
-    The row has the ``limit``, the stable ``intervals`` of h omega up to ``scanned``, and as ``radius`` pairs (h omega,
-    spectral radius of the step).  If no limit was measured it has only the ``reason``: too many evaluations, a step
-    that is not a linear map on the oscillator, a solver that does not converge, or, where stability is not claimed, a
-    step that raises at such steps.
+    ``intervals`` are the stable ones up to ``scanned``, ``radius`` pairs (h omega, spectral radius of the step).
     """
     try:
         return _stability(subject)
@@ -155,7 +140,6 @@ def stability(subject: Subject) -> dict:
 
 
 def _stability(subject: Subject) -> dict:
-    """Measure as `stability` does; raises StepFailed if the step fails at h omega = 1, or by a bug."""
     entry = oscillator()
     stepper = Stepper(subject, entry)
     stepper(stepper.state((1.0, 0.0)), 1.0)

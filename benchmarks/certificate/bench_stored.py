@@ -20,12 +20,7 @@ RUNS, CHOICES = "front_rungs", "front"
 
 
 def bench_fronts(outcome: Outcome, complete: Callable[[str], bool], update: bool) -> None:
-    """Write `fronts.csv` and `times.csv`: the fewest evaluations and the least time known for each scene and error.
-
-    A scene is a problem with a span and a quantity whose error counts.  Skipped unless ``update`` (--update-tables) is
-    set and all runs are measured: ``complete`` takes the name of a table and returns True if it lacks no row.
-    ``outcome`` has the measured rows.
-    """
+    """Write `fronts.csv` and `times.csv`, the fewest evaluations and the least time known for a scene and error."""
     if not update or not complete(RUNS):
         pytest.skip("fronts and times are made with --update-tables where all of the trade is measured")
     fronts.TABLE.save(outcome.rows(RUNS))

@@ -47,10 +47,6 @@ class _Run:
     seconds: float = 0.0
 
     def certificate(self, times: list[dict]) -> Certificate:
-        """Make the certificate, with verdicts on what was measured so far.
-
-        ``times`` are rows of the integrator's times relative to the fastest stored integrator.
-        """
         found = judge.judgements(self.claims, self.tables)
         offers = [] if self.alone or judge.gross_failure(found) else judge.offers(self.claims, self.tables)
         verdict = judge.verdict(found)
@@ -70,23 +66,9 @@ def certify(
 ) -> Certificate:
     """Measure an integrator on the battery (this suite's test systems) and judge its claims.
 
-    Parameters
-    ----------
-    target : the path of a file, a function, ``package.module:callable``, or the id or record of a method or a peer (an
-        integrator of another package)
-    claims : name -> value, added to the target's own, such as ``{"order": 4}``
-    requires : traits that a system must have, such as "separable"
-    seed : of the random states at which it is measured
-    progress : called with the name of each measure
-    alone : measure only what is claimed; then no further claims are offered
-    problems : names, paths or problems, on which to measure in place of the battery
-    time_limit : seconds, after which what is not yet measured is not judged
-
-    Raises
-    ------
-    InvalidInput
-        For a target, a claim, a problem or a limit that cannot be used.  Failures of the integrator itself are stated
-        in the certificate.
+    Arguments are as of `validate`.  ``progress`` is called with the name of each measure; if ``alone``, only what is
+    claimed is measured, and no further claims are offered.  Raises InvalidInput for arguments that cannot be used;
+    failures of the integrator itself are stated in the certificate.
     """
     began = time.perf_counter()
     run = _Run(str(getattr(target, "__name__", target)), dict(claims or {}), tuple(requires), seed, alone, Tables())
@@ -164,15 +146,13 @@ def validate(
     requires : traits that a system must have, such as "separable"
     output : a folder, into which the certificate is written as Markdown, HTML and JSON
     seed : of the random states at which it is measured
-    problem : a problem on which to measure in place of the suite's systems: a name, the path of a file, a problem
-        object, or several of them
+    problem : a name, the path of a file, a problem or several, on which to measure in place of the suite's systems
     time_limit : seconds, after which what is not yet measured is not judged; for a step that may never return
 
     Returns
     -------
     Certificate
-        Prints as a table; ``verdict`` is "pass", "fail" or "not-judged", ``claims`` are the judgements, ``offers`` what
-        could be claimed; `to_frame` has a row for each claim, `plot` draws
+        ``verdict`` is "pass", "fail" or "not-judged", ``claims`` are the judgements, ``offers`` what could be claimed
 
     Raises
     ------

@@ -30,10 +30,9 @@ SURE = 4.0
 
 
 def long_run(subject: Subject, entry: Entry, seed: int) -> dict:
-    """Make a long run on a system; return a row with errors and drifts of the energy and of the system's invariant.
+    """Make a long run on a system: a row with errors and drifts of the energy and of the system's invariant.
 
-    The row's ``curve`` has pairs (t, H - H(0)) for a figure.  If the run breaks off it is repeated with half the step,
-    up to `HALVED` times; if none of these runs lasts, the row's ``status`` is "diverged".
+    If it breaks off it is repeated with half the step, up to `HALVED` times; if none lasts, its status is "diverged".
     """
     stepper, y, why = Stepper(subject, entry), entry.start(seed), "the run did not last"
     stepper.run(y, H * entry.unit / 2**HALVED, 20)
@@ -81,10 +80,9 @@ def _row(entry: Entry, rows: np.ndarray, h: float, steps: int, eps: float) -> di
 
 
 def round_off(subject: Subject, entry: Entry, seed: int) -> dict | None:
-    """Measure the round-off in the energy in each of `ROUNDED` steps; return a row with mean and standard deviation.
+    """Mean and deviation of the round-off in the energy in each of `ROUNDED` steps, in eps times the energy, as a row.
 
-    ``mean`` and ``deviation`` are in units of eps times the energy; ``biased`` says whether the mean differs from zero.
-    Returns None if the energy does not stay finite.
+    ``biased`` says whether the mean differs from zero.  None if the energy does not stay finite.
     """
     double, y = Stepper(subject, entry), entry.start(seed)
     with precision(DIGITS):

@@ -16,16 +16,8 @@ NOT_MET, VARIES = "not met", "varies"
 def cost_rows(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return an integrator's costs over those of the cheapest stored one: a row per scene (problem and span) and error.
 
-    Parameters
-    ----------
-    tables, times : the integrator's measurements, and the rows of its times (`times.times_row`)
-
-    Returns
-    -------
-    list of dict
-        ``scene`` and ``error``; ``evaluations`` and ``time``, each over that of the cheapest stored integrator, or None
-        if the integrator does not meet the error; ``time`` is None as well if it was not measured, or if the measured
-        times vary by more than the factor `times.WIDE` (``varies`` is then True).
+    ``times`` are rows of `times.times_row`.  A cost is None if the error is not met, or no time was measured;
+    ``varies`` is True where the measured times do so by more than the factor `times.WIDE`.
     """
     timed = {t["on"]: t["errors"] for t in times if t["errors"]}
     rows = []
@@ -41,10 +33,7 @@ def cost_rows(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[dict[s
 
 
 def format_costs(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Format `cost_rows` as lines of text; those of a scene end at the first error that the integrator does not meet.
-
-    Lines below the table say how accurate the times are, and how much longer a gradient takes if called from Python.
-    """
+    """Format `cost_rows` as lines of text; those of a scene end at the first error that is not met."""
     times = list(times)
     rows = _until_not_met(cost_rows(tables, times))
     if not rows:
@@ -69,7 +58,6 @@ def format_costs(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[str
 
 
 def _until_not_met(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows of each scene up to its first error that the integrator does not meet, that row included."""
     missed: set[str] = set()
     shown = []
     for row in rows:

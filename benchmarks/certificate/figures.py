@@ -28,10 +28,7 @@ LEAST = 1e-16
 
 @style.styled
 def order(tables: Tables) -> Drawing | None:
-    """Draw the error against the step on every system; the points to which the order is fitted are thick.
-
-    Returns None if no order was measured.
-    """
+    """Draw the error against the step on every system; the points to which the order is fitted are thick."""
     rows = tables.of("order")
     if not rows:
         return None
@@ -87,10 +84,7 @@ def stability(tables: Tables) -> Drawing | None:
 
 @style.styled
 def place(tables: Tables) -> Drawing | None:
-    """Draw error against gradient evaluations on each scene (problem and span), with the fewest evaluations stored.
-
-    Returns None if evaluations were not compared.
-    """
+    """Draw error against gradient evaluations on each scene (problem and span); None if they were not compared."""
     rows = [r for r in tables.of("place") if r["curve"]]
     if not rows:
         return None

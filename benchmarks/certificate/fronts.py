@@ -34,11 +34,7 @@ class Cheapest(NamedTuple):
 
 
 def build(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Compute the lines of `fronts.csv` (fewest evaluations by scene and error) from stored runs of all integrators.
-
-    A scene is a problem with a span and a quantity whose error counts.  ``rows`` are the runs, dicts with the keys
-    scene, integrator, id, evaluations, status and error.
-    """
+    """Compute the lines of `fronts.csv` from stored runs (scene, integrator, id, evaluations, status, error)."""
     runs: dict[str, dict[str, list[tuple[float, float]]]] = {scene: {} for scene in SCENES}
     for row in rows:
         if row["scene"] in runs and _counts(row):
@@ -61,10 +57,7 @@ def _counts(row: Mapping[str, Any]) -> bool:
 
 
 def parse(lines: list[dict[str, str]]) -> dict[str, dict[float, Cheapest]]:
-    """Scene -> error -> the integrator with the fewest evaluations, from the lines of `fronts.csv`.
-
-    A scene, a problem with a span and a quantity whose error counts, is given by its id.
-    """
+    """Scene -> error -> the integrator with the fewest evaluations, from the lines of `fronts.csv`."""
     found: dict[str, dict[float, Cheapest]] = {}
     for row in lines:
         best = Cheapest(row["integrator"], float(row["evaluations"]))

@@ -34,14 +34,9 @@ SMALLEST, LARGEST = 0.02, 8.0
 
 
 def jumps(subject: Subject, entry: Entry, seed: int, noise: float) -> dict:
-    """Search for discontinuities of the step map; return a row with the largest jump along two paths of states.
+    """Search for discontinuities of the step map: a row with the largest jump along two paths of states, and its floor.
 
-    The jump (``value``) and its round-off ``floor`` are in units of the state's size.
-
-    Parameters
-    ----------
-    noise : the floor of the symplecticity defect if that was measured in doubles (an implicit solver that stops early
-        raises it), else 0
+    ``noise`` is the floor of the symplecticity defect if that was measured in doubles, else 0.
     """
     stepper, y = Stepper(subject, entry), entry.start(seed)
     way = 0.4 * np.random.default_rng([3, seed, *entry.name.encode()]).uniform(-1, 1, len(y)) * entry.sizes
@@ -56,10 +51,7 @@ def jumps(subject: Subject, entry: Entry, seed: int, noise: float) -> dict:
 
 
 def _largest(stepper: Stepper, path: Callable, h: float, floor: float) -> float:
-    """Return the largest jump of the step map (step h) along a path of states ``path(t)``, t from 0 to 1.
-
-    It is 0 if no jump is above the floor.  Jump and floor are in units of the state's size.
-    """
+    """The largest jump of the step map along ``path``, in units of the state's size; 0 below the floor."""
     values = _images(stepper, path, np.linspace(0, 1, POINTS), h)
     if len(values) < LEAST:
         return 0.0
@@ -78,11 +70,7 @@ def _largest(stepper: Stepper, path: Callable, h: float, floor: float) -> float:
 
 
 def _jump(stepper: Stepper, path: Callable, middle: float, cell: float, h: float, floor: float) -> float:
-    """Return the size of the jump of the step map along ``path`` near t = ``middle``; 0 if it is below the floor.
-
-    The jump is located by narrowing an interval of t about ``middle``, at first from ``middle`` - 2 ``cell`` to
-    ``middle`` + 2 ``cell``.  ``h`` is the step; jump and ``floor`` are in units of the state's size.
-    """
+    """The jump near t = ``middle``, found by narrowing an interval about it, at first of 4 ``cell``; 0 if none."""
     while True:
         t = middle + cell * np.linspace(-2, 2, FEWER)
         values = _images(stepper, path, t, h)
@@ -102,10 +90,7 @@ def _differences(values: np.ndarray) -> np.ndarray:
 
 
 def _images(stepper: Stepper, path: Callable, t: np.ndarray, h: float) -> np.ndarray:
-    """Return the states after one step h from path(t) for each t, in units of their sizes, array (rows, 2 d).
-
-    The rows end before the first step that fails.
-    """
+    """States after a step h from path(t) for each t, in units of their sizes, up to the first step that fails."""
     rows = []
     for x in t:
         try:

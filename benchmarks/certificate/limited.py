@@ -45,15 +45,7 @@ class OutOfTime(BaseException):
 
 
 def time_over_message(limit: float, places: Sequence[tuple[str, int]], where: str = "", what: str = "") -> str:
-    """Write the message that the time limit is over, with the line of code that was running.
-
-    Parameters
-    ----------
-    limit : the time limit in seconds
-    places : (file, line) of the stack, the innermost first; the first of them in the file ``where`` is named or, if
-        there is none, the first outside this package
-    what : the measure that was running, or ""
-    """
+    """The message that the time limit is over, with the line that was running: one in the file ``where``, if any."""
     own = [p for p in places if p[0] == where] or [p for p in places if "phasebench" not in p[0]] or places[:1]
     at = f" at {own[0][0]}, line {own[0][1]}" if own else ""
     return f"the time limit of {limit:g} s passed{f' during {what}' if what else ''}{at}: it had not returned"
@@ -68,11 +60,6 @@ def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable
     unfinished : (last checkpoint or None, what was being measured, why it ended, whether the time is over) ->
         certificate, called if ``measure`` does not return; "why" is a text, or the places of the stack at a time-out
     tell : called with what is being measured
-
-    Raises
-    ------
-    InvalidInput
-        If ``measure`` raises it, the limit is not a positive number, or processes cannot be forked.
     """
     if not 0 < limit <= LONGEST:
         raise InvalidInput(f"the time limit is {limit!r}; it must be a positive number of seconds, at most {LONGEST:g}")
@@ -114,10 +101,7 @@ def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable
 
 
 def _measure(pipe: Connection, note: Path, limit: float, measure: Callable) -> None:
-    """Measure in the forked process, and send progress, checkpoints and the result through the pipe.
-
-    ``note`` is the file to which the stack is written if the process does not end in time; ``limit`` is in seconds.
-    """
+    """Measure in the forked process, and send progress, checkpoints and the result through the pipe."""
     compilation.announce = nullcontext
 
     def interrupt(number: int, frame: FrameType | None) -> NoReturn:

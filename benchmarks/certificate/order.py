@@ -60,10 +60,7 @@ FIT = tuple(2.0 ** (-k / 2) for k in range(4, 15))
 
 @dataclass(frozen=True)
 class Series:
-    """Power series in h of the error of one step, as relative coefficients.
-
-    ``terms`` are eps_1, eps_2, ...: the size of the coefficient of h^k in the error over that in the exact flow.
-    """
+    """Power series in h of the error of one step: eps_1, eps_2, ..., each relative to its term of the exact flow."""
 
     terms: tuple[float, ...]
 
@@ -73,30 +70,20 @@ class Series:
         return next((k for k, x in enumerate(self.terms) if not x < VANISHES), len(self.terms))
 
     def largest(self, order: int) -> float:
-        """The largest of the terms eps_1, ..., eps_k that count as zero, k the smaller of ``order`` and `clean`.
-
-        It is 0 if k is 0.
-        """
+        """The largest of eps_1, ..., eps_k that count as zero, k the smaller of ``order`` and `clean`; 0 if k is 0."""
         return max(self.terms[: min(order, self.clean)], default=0.0)
 
 
 @lru_cache(maxsize=64)
 def flow(entry: Entry, seed: int, h: float | object, pieces: int = 4) -> tuple[np.ndarray, Number]:
-    """Return (exact state after a time h, array (2 d,); its uncertainty), in `DIGITS` digits.
-
-    The start is the entry's initial state, displaced by the seed.  The reference solver runs over ``pieces`` equal
-    parts of h.
-    """
+    """(Exact state after a time h, array (2 d,); its uncertainty), in `DIGITS` digits, over ``pieces`` parts of h."""
     with precision(DIGITS):
         return multiprecision.flow(entry.system, entry.start(seed), h, pieces)
 
 
 @lru_cache(maxsize=64)
 def nearby(entry: Entry, seed: int) -> list:
-    """Exact states after 0, 1, 2, ... times `CLOSE` units of time from the entry's initial state for a seed.
-
-    They have `SERIES_DIGITS` digits, since `series` takes high differences of them.
-    """
+    """Exact states after 0, 1, 2, ... times `CLOSE` units of time, of `SERIES_DIGITS` digits."""
     with precision(SERIES_DIGITS):
         field, y = entry.system.vector_field(MULTIPRECISION), vector(entry.start(seed))
         close = to_number(CLOSE * entry.unit, MULTIPRECISION)
@@ -131,16 +118,7 @@ def series(stepper: Stepper, seed: int) -> Series:
 
 
 def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
-    """Integrate one span with more and more steps; return the errors at its end.
-
-    ``noise`` is the least round-off to assume.
-
-    Returns
-    -------
-    dict
-        h, error : lists; error is NaN if the run did not stay finite
-        noise : errors below it are round-off
-    """
+    """Integrate one span with more and more steps: h, the errors at its end (NaN if it failed), and their round-off."""
     return _ladder(*ladder_errors(stepper, seed, noise))
 
 
@@ -149,10 +127,9 @@ def _ladder(steps: np.ndarray, away: np.ndarray, noise: float) -> dict:
 
 
 def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
-    """Integrate one span with n step sizes; return (h (n,), signed errors at its end (n, 2 d), noise).
+    """(h (n,), signed errors (n, 2 d) at the end of one span, their round-off, at least the argument ``noise``).
 
-    Errors are in units of the state's largest component, NaN where a run fails.  The returned noise is their round-off,
-    at least the argument ``noise``.
+    Errors are in units of the state's largest component, NaN where a run fails.
     """
     entry, double = stepper.entry, stepper.arithmetic == DOUBLE
     longer = LONGER if stepper.subject.eps > EPS else 1
@@ -178,10 +155,7 @@ def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.n
 
 
 def rungs(stepper: Stepper) -> tuple[int, ...]:
-    """The numbers of steps, rising, into which the time span is divided for the runs from which an order is measured.
-
-    In many digits there are fewer such runs for a step that needs many gradient evaluations.
-    """
+    """The numbers of steps of the runs from which an order is measured; fewer in many digits for a dear step."""
     if stepper.arithmetic == DOUBLE:
         return LADDER
     before = sum(stepper.system.evaluations)
@@ -190,9 +164,8 @@ def rungs(stepper: Stepper) -> tuple[int, ...]:
 
 
 def order(stepper: Stepper, seed: int) -> dict:
-    """Measure the order of a step on a system; return the row of the certificate.
+    """Measure the order of a step on a system, with its interval, over a ladder of steps h: a row of the certificate.
 
-    The row has the order, its interval, the window of h to which it is fitted, and the errors over a ladder of steps h.
     In many digits it also has the terms of the error's power series in h, in doubles the limit computed by `constant`.
     """
     row = {"on": stepper.entry.name, "arithmetic": stepper.arithmetic}
@@ -224,10 +197,7 @@ def _fit_order(row: Mapping[str, Any]) -> metrics.Order:
 
 
 def _integral(found: metrics.Order, steps: np.ndarray, away: np.ndarray, noise: float) -> metrics.Order:
-    """Return the fitted order ``found`` or, if it is not near a whole number, the one that `fit_series` finds, if any.
-
-    ``steps`` (n,) and ``away`` (n, 2 d) are the steps and the signed errors, ``noise`` their round-off.
-    """
+    """The fitted order or, if that is not near a whole number, the one that `fit_series` finds, if any."""
     if found.points and abs(found.value - round(found.value)) < GATE:
         return found
     return fit_series(steps / steps[0], away, noise) or found
@@ -236,14 +206,8 @@ def _integral(found: metrics.Order, steps: np.ndarray, away: np.ndarray, noise: 
 def fit_series(h: np.ndarray, errors: np.ndarray, noise: float) -> metrics.Order | None:
     """The order p of errors c_0 h^p + c_1 h^(p+1) + ... at falling steps h, if only one p explains them; else None.
 
-    It is for errors of which too few are above round-off to find steps so small that the first term prevails.  The
-    series is fitted by least squares for each p; p explains the errors if the residual is round-off and c_0 exceeds
-    `SURE` times its own uncertainty.
-
-    Parameters
-    ----------
-    h, errors : arrays (n,) and (n, 2 d), the steps and the signed errors
-    noise : round-off of the errors is at most this
+    For errors of which too few are above round-off (``noise``) for the first term to prevail: fitted by least squares
+    for each p, which explains them if the residual is round-off and c_0 exceeds `SURE` times its own uncertainty.
     """
     whole = np.isfinite(errors).all(axis=1) & (np.abs(errors).max(axis=1) < SATURATED)
     for first in range(3):  # from the widest step, or without it
@@ -260,10 +224,7 @@ def fit_series(h: np.ndarray, errors: np.ndarray, noise: float) -> metrics.Order
 
 
 def _power_series(x: np.ndarray, e: np.ndarray, p: int, noise: float) -> tuple[float, float]:
-    """Fit errors e (n, 2 d) at steps x (n,) by x^p, x^(p+1), ...; return (residual, first coefficient).
-
-    Both are in units of the round-off to expect in them; ``noise`` is the round-off of e.
-    """
+    """Fit errors e (n, 2 d) by x^p, x^(p+1), ...: (residual, first coefficient), both in units of their round-off."""
     columns = np.stack([x ** (p + k) for k in range(POWERS)], axis=1) / noise
     inverse = np.linalg.pinv(columns)
     fitted = inverse @ e / noise
@@ -278,10 +239,9 @@ def _order_fields(found: metrics.Order) -> dict:
 
 
 def constant(stepper: Stepper, seed: int, found: metrics.Order) -> dict:
-    """Estimate the limit of |error of a step| / (h |f|) as h falls, f the vector field; it is 0 for a consistent step.
+    """Estimate the limit of |error of a step| / (h |f|) as h falls, f the vector field; 0 for a consistent step.
 
-    ``found`` is the measured order, from which the powers of h in the fit follow.  Returns {"constant": the limit,
-    "doubt": its uncertainty}; empty if too few steps succeed.
+    Returns {"constant": the limit, "doubt": its uncertainty}; empty if too few steps succeed.
     """
     entry = stepper.entry
     y, sizes = entry.start(seed), entry.sizes

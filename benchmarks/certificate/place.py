@@ -37,10 +37,7 @@ LOOSEST, TIGHTEST = 1e-2, 1e-13
 
 
 class Run(NamedTuple):
-    """A run of ``size`` steps, or at the tolerance ``size``: its gradient evaluations and its error.
-
-    The error is infinite if the run did not reach the end.
-    """
+    """A run of ``size`` steps, or at this tolerance; its error is infinite if it did not reach the end."""
 
     size: float
     evaluations: float
@@ -60,15 +57,10 @@ def scenes(subject: Subject) -> list[str]:
 
 
 def place(subject: Subject, scene: str) -> dict:
-    """Compare the integrator's gradient evaluations on a scene with the fewest stored ones, at several errors.
+    """Compare the integrator's gradient evaluations on a scene with the fewest stored ones, at several errors: a row.
 
-    Returns
-    -------
-    dict
-        ``on``, the id of the scene, with its ``problem``, ``t_end`` and a text ``about`` it; ``curve``, pairs
-        (evaluations, error) of the runs that reached the end; ``sizes``, the numbers of steps or tolerances of these
-        runs; ``errors``, a dict for each ``error``: the ``evaluations`` needed (None if it is not met), the
-        ``cheapest`` stored integrator, ``its evaluations``, and the ratio of the two numbers (``factor``, or None)
+    ``curve`` are (evaluations, error) of the runs that reached the end, ``sizes`` their steps or tolerances; each of
+    ``errors`` has the evaluations needed (None if it is not met), the fewest stored ones, and their ratio (``factor``).
     """
     question = fronts.question(scene)
     problem = question.build_problem()
@@ -96,25 +88,16 @@ def place(subject: Subject, scene: str) -> dict:
 def run_subject(
     subject: Subject, entry: Entry, problem: Problem, t_end: float, size: float
 ) -> tuple[float, np.ndarray | None]:
-    """Run an integrator from t = 0 to ``t_end``; return (gradient evaluations, end state).
+    """Run an integrator from t = 0 to ``t_end``: (gradient evaluations, end state (2 d,) or None if the run fails).
 
-    The end state is an array (2 d,), or None if the run fails.
-
-    Parameters
-    ----------
-    entry : the problem as a system with an initial state, which a user's own integrator runs on
-    problem : the same problem for a registered integrator
-    size : the number of steps or, for an adaptive integrator, the tolerance
+    ``entry`` is the problem for a user's own integrator; ``size`` the number of steps or the tolerance.
     """
     run = _run_registered if subject.integrator is not None else _tolerance if subject.adaptive else own
     return run(subject, entry, problem, t_end, size)
 
 
 def own(subject: Subject, entry: Entry, problem: Problem, t_end: float, steps: int) -> tuple[float, np.ndarray | None]:
-    """Run a user's step from the state of ``entry`` to ``t_end`` in ``steps`` steps.
-
-    Returns (gradient evaluations, end state, array (2 d,)); the state is None if the run fails numerically.
-    """
+    """Run a user's step, as `run_subject`."""
     stepper = Stepper(subject, entry)
     try:
         rows = stepper.run(np.array(entry.state), t_end / steps, steps, every=steps)
@@ -128,10 +111,6 @@ def own(subject: Subject, entry: Entry, problem: Problem, t_end: float, steps: i
 def _tolerance(
     subject: Subject, entry: Entry, problem: Problem, t_end: float, tol: float
 ) -> tuple[float, np.ndarray | None]:
-    """Run a user's adaptive integrator from the state of ``entry`` to ``t_end`` at tolerance ``tol``.
-
-    Returns (gradient evaluations, end state, array (2 d,)); the state is None if the run fails numerically.
-    """
     system, y, d = own_step.System(entry.system), np.array(entry.state), entry.system.d
     try:
         with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
@@ -149,11 +128,6 @@ def _tolerance(
 def _run_registered(
     subject: Subject, entry: Entry, problem: Problem, t_end: float, size: float
 ) -> tuple[float, np.ndarray | None]:
-    """Run a registered method or peer, which counts its evaluations itself, on a problem to ``t_end``.
-
-    ``size`` is the number of steps or the tolerance.  Returns (gradient evaluations, end state, array (2 d,), or None
-    if the run fails).
-    """
     wanted = {"tol": max(size, subject.integrator.record.least)} if subject.adaptive else {"steps": size}
     end = subject.integrator.run(problem, t_end=t_end, save_every=0, **wanted)
     state = np.concatenate([end.q[-1], end.p[-1]]) if end.status == OK else None

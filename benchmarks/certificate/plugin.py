@@ -29,7 +29,9 @@ def claims_hold(
     seed: int = 0,
     **claims: Any,
 ) -> Certificate:
-    """Fail the test that calls it unless every claim was seen to hold.
+    """Fail the test that calls it unless every claim was seen to hold; return the certificate.
+
+    Only what is claimed is measured, in some ten thousand calls; `phasebench validate` makes up to a hundred thousand.
 
     Parameters
     ----------
@@ -37,12 +39,6 @@ def claims_hold(
     requires : traits that a system must have, such as "separable"
     seed : of the random states at which the step is measured
     claims : what the step claims, as in ``order=4, symplectic=True``
-
-    Returns
-    -------
-    Certificate
-        Only what is claimed is measured, in some ten thousand calls; `phasebench validate` makes up to a hundred
-        thousand.  How a step changes after more calls is not seen.
     """
     from phasebench.benchmarks.certificate.certificate import certify
 

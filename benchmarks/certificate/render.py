@@ -36,10 +36,7 @@ TITLES = {PASS: "PASS", FAIL: "FAIL", OPEN: "NOT JUDGED"}
 
 
 def write(certificate: Certificate, folder: str | Path) -> list[Path]:
-    """Write a certificate as JSON, Markdown and HTML with its figures into a folder; return the three paths.
-
-    The folder is made if missing.  Raises InvalidInput if it cannot be written to.
-    """
+    """Write a certificate as JSON, Markdown and HTML with its figures into a folder; return the three paths."""
     folder = writable(folder)
     try:
         drawings = [d for d in (draw(certificate.tables) for draw in figures.DRAWINGS.values()) if d is not None]
@@ -117,7 +114,6 @@ def _claims(certificate: Certificate) -> pd.DataFrame:
 
 
 def _systems_table(certificate: Certificate) -> pd.DataFrame:
-    """The table "Measured" of a certificate: a row for each system, with order, structure defects and evaluations."""
     tables = certificate.tables
     rows: dict[str, dict] = {}
     for r in tables.of("runs"):
@@ -140,10 +136,6 @@ def _systems_table(certificate: Certificate) -> pd.DataFrame:
 
 
 def _place(certificate: Certificate) -> pd.DataFrame:
-    """The table of the gradient evaluations needed, beside the fewest that are stored for any known integrator.
-
-    It has a row for each scene (a problem with a span) and error.
-    """
     rows = []
     for r in certificate.tables.of("place"):
         for e in r["errors"]:

@@ -52,14 +52,7 @@ class Call:
 
 @dataclass
 class Calls:
-    """A wrapper of a step that records a random sample of its calls, a smaller share of them the more there are.
-
-    Attributes
-    ----------
-    step, seed : the wrapped step, and the seed of the sample
-    kept, count : the recorded calls, and the number of all calls
-    listening : whether calls are recorded
-    """
+    """A wrapper of a step that records a random sample of its calls, a smaller share of them the more there are."""
 
     step: Any
     seed: int
@@ -89,27 +82,19 @@ class Calls:
 
 
 def listening(subject: Subject, seed: int) -> tuple[Subject, Calls]:
-    """(the subject with its step wrapped in a recorder of calls, the recorder)."""
+    """The subject with its step wrapped in a recorder of calls, and the recorder."""
     calls = Calls(subject.own.step, seed)
     return replace(subject, own=replace(subject.own, step=calls)), calls
 
 
 def unheard(subject: Subject) -> Subject:
-    """The subject with its step no longer wrapped in the recorder of calls, so that calls are not recorded.
-
-    It is used for steps taken next to a jump of the map, where the result from a state close by is far off, so that a
-    recorded call would look like memory.
-    """
+    """The subject with its step not recorded: next to a jump of the map a recorded call would look like memory."""
     step = subject.own.step
     return replace(subject, own=replace(subject.own, step=step.step)) if isinstance(step, Calls) else subject
 
 
 def repeat_calls(subject: Subject, calls: Calls) -> list[dict]:
-    """Repeat the recorded calls of a step and return two rows on its memory, each with a ``value`` that should be 0.
-
-    The first has the largest change of a result when the calls are repeated in another order, the second the largest
-    jump between a recorded result and the results from states close by.
-    """
+    """Repeat the recorded calls in another order, and beside their states: two rows whose ``value`` should be 0."""
     calls.listening = False
     rng, kept = np.random.default_rng([6, calls.seed]), calls.kept
     worst = {"on": "all systems", "what": f"{len(kept)} of {calls.count} calls once more, last", "value": 0.0}
@@ -125,7 +110,6 @@ def repeat_calls(subject: Subject, calls: Calls) -> list[dict]:
 
 
 def _repeat_call(subject: Subject, call: Call, moved: float, rng: np.random.Generator) -> np.ndarray:
-    """Repeat a call, its q and p changed at random by up to the fraction ``moved``; return the end state, (2 d,)."""
     q, p = call.q.copy(), call.p.copy()
     if moved:
         q, p = (x * (1 + moved * rng.uniform(0.5, 1.0, len(x)) * rng.choice([-1, 1], len(x))) for x in (q, p))
@@ -138,7 +122,6 @@ def _repeat_call(subject: Subject, call: Call, moved: float, rng: np.random.Gene
 
 
 def _tame(call: Call) -> bool:
-    """True if the step moved the state by a finite amount of less than `WILD` of its size."""
     state = np.concatenate([call.q, call.p])
     away = np.abs(call.end - state).max()
     return bool(np.isfinite(away) and away < WILD * np.abs(state).max())

@@ -30,15 +30,12 @@ class Certificate(TabularResult):
     Attributes
     ----------
     integrator : its name, or the path of its file
-    claims : the judgements, first on what is required of every integrator
+    claims, verdict : the judgements, first on what is required of all; "pass", "fail" or "not-judged"
     offers : claims that would hold but are not made
-    verdict : "pass", "fail" or "not-judged"
     tables : the rows of every measure
     doubles : why it was measured in doubles only; "" if it was measured in many digits
-    requires : traits that a system must have
-    seed : of the random states
-    seconds : the duration of the certification
-    times : rows of its times relative to the fastest stored integrator, one for each scene compared
+    requires, seed : traits that a system must have, and the seed of the random states
+    seconds, times : the duration, and rows of its times relative to the fastest stored integrator
     """
 
     integrator: str
@@ -71,10 +68,7 @@ class Certificate(TabularResult):
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """A row for each claim: claim, verdict, measured value, interval, on (the systems that decide) and why.
-
-        The frame's ``attrs`` have the integrator, the verdict on the whole, and the offers (claims that could be made).
-        """
+        """A row for each claim; ``attrs`` have the integrator, the verdict on the whole, and the offers."""
         import pandas as pd
 
         frame = pd.DataFrame([j.row() for j in self.claims])
@@ -82,10 +76,7 @@ class Certificate(TabularResult):
         return frame
 
     def plot(self, what: Literal["order", "energy", "stability", "place"] = "order") -> Figure:
-        """A figure of the order, the energy in long runs, linear stability, or ("place") error against evaluations.
-
-        Raises InvalidInput for another name, or where nothing was measured for the figure.
-        """
+        """A figure of the order, the energy in long runs, linear stability, or ("place") error against evaluations."""
         from .figures import DRAWINGS
 
         if what not in DRAWINGS:

@@ -74,13 +74,7 @@ class Together:
 
 
 class InUnits:
-    """The argument ``system`` of a step in other units (doubles): H and its gradients, from those of another system.
-
-    Attributes
-    ----------
-    d, evaluations : as of `own_step.System`
-    most : the number of evaluations at which a call counts as hanging
-    """
+    """The argument ``system`` of a step in other units (doubles); it raises after ``most`` evaluations."""
 
     def __init__(self, entries: Sequence[Entry], Q: np.ndarray, P: np.ndarray, tau: float) -> None:
         systems = [e.system for e in entries]
@@ -148,9 +142,8 @@ def sweep(
 ) -> tuple[list[dict], dict[str, dict], dict]:
     """Compare steps in drawn units with the known step.
 
-    Returns (of the steps that differ a row as of `states`, the one of the lowest order; name of a structure in
-    ``wanted`` -> a row where a step breaks it; what was reached: the number of steps, and the ranges of h, |q|, |p| and
-    d).
+    Returns (of the steps that differ the row, as of `states`, of the lowest order; structure of ``wanted`` -> a row
+    where a step breaks it; the number of steps, and the ranges of h, |q|, |p| and d that were reached).
     """
     rng, same = np.random.default_rng([7, seed]), max(SAME, ROUNDINGS * subject.eps)
     try:
@@ -209,7 +202,7 @@ def _draw(subject: Subject, entries: list[Entry], rng: np.random.Generator) -> U
 
 
 def _known(subject: Subject, entry: Entry, seed: int, slower: float) -> np.ndarray:
-    """The state after a step H / slower from the entry's start, by a majority of three units; array (2 d,)."""
+    """The state after a step H / slower from the entry's start, by a majority of three units."""
     y, ends = entry.start(seed), []
     mass = bool(set(subject.own.requires) & set(UNIT_MASS))
     for tau, q, p in KNOWN:
@@ -230,7 +223,6 @@ def _side_by_side(entries: Sequence[Entry], states: Iterable[np.ndarray]) -> np.
 
 
 def _stepper(subject: Subject, units: Units, seed: int, slower: float = 1.0) -> tuple[InOtherUnits, np.ndarray]:
-    """(the step in the units of a draw, where the motion is slowed down; the state to start from, array (2 d,))."""
     entries = units.entries
     y = _side_by_side(entries, (e.start(seed) for e in entries))
     entry = entries[0] if len(entries) == 1 else Entry(units.text, Together([e.system for e in entries]), tuple(y))
@@ -239,10 +231,7 @@ def _stepper(subject: Subject, units: Units, seed: int, slower: float = 1.0) -> 
 
 
 def _apart(subject: Subject, units: Units, known: dict, seed: int, k: int, most: int) -> tuple[float | None, int]:
-    """(distance of a draw's step, slowed down by SLOWER[k], from the known one; evaluations).
-
-    The distance is None if the step fails, infinite if it is not finite.
-    """
+    """(Distance of a draw's step from the known one, None if it fails; evaluations), slowed down by SLOWER[k]."""
     stepper, y = _stepper(subject, units, seed, SLOWER[k])
     stepper.system.most = most * len(y)
     try:
@@ -254,7 +243,6 @@ def _apart(subject: Subject, units: Units, known: dict, seed: int, k: int, most:
 
 
 def _structure(subject: Subject, units: Units, seed: int, name: str) -> dict | None:
-    """A row of the defect of a structure of a draw's step; None if the step fails."""
     stepper, y = _stepper(subject, units, seed)
     try:
         value, floor = measure_defect(stepper, y, H, DEFECTS[name])

@@ -31,11 +31,9 @@ NOISE = 1e-13
 
 
 def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -> list[dict]:
-    """Draw states of the systems in ``entries``, and return a row for each: errors of single steps of h, h/2, h/4.
+    """Draw states of the systems, and return a row for each: errors of single steps of h, h/2, h/4, and their order.
 
-    The steps are taken in ``arithmetic``, `DOUBLE` or `MULTIPRECISION` (many digits).  A row has the ``errors``, the
-    ``order`` that they show, and as ``doubles`` how far the same step in doubles ends from the one in many digits,
-    relative to the state's size; this is 0 if ``arithmetic`` is `DOUBLE`.
+    ``doubles`` is how far the same step in doubles ends from the one in many digits, relative to the state's size.
     """
     able = [e for e in entries if e.system.traits["polynomial degree"] and not e.share] or [
         e for e in entries if e.share
@@ -49,11 +47,7 @@ def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -
 
 
 def draw_entry(entry: Entry, sizes: tuple[float, float], seed: int) -> Entry:
-    """Return the entry with another state, drawn at random, and the unit of time that suits it.
-
-    The q and p of the state have the given ``sizes``.  An entry with ``share``, as a user's own problem, keeps its
-    sizes and gets a state near its initial one instead.
-    """
+    """The entry with a random state whose q and p have ``sizes``, and its unit of time; near its own if `share`."""
     rng = np.random.default_rng([4, seed, *entry.name.encode()])
     if entry.share:
         state, sizes = entry.start(seed + 1000) * (1 + 0.1 * rng.uniform(-1, 1, len(entry.state))), entry.size
@@ -88,11 +82,6 @@ def _row(subject: Subject, entry: Entry, seed: int, arithmetic: str) -> dict:
 
 
 def _error(stepper: Stepper, entry: Entry, seed: int, y: np.ndarray, h: float) -> tuple[float, np.ndarray | None]:
-    """(relative error of a step h from y, the state after it); (NaN, None) if the step fails numerically.
-
-    y is the initial state of ``entry`` displaced by ``seed``; the reference solution starts from the same state, which
-    it computes from these two.
-    """
     try:
         end = stepper(stepper.state(y), to_number(h, stepper.arithmetic))
     except StepFailed as failure:
@@ -106,10 +95,6 @@ def _error(stepper: Stepper, entry: Entry, seed: int, y: np.ndarray, h: float) -
 
 
 def _distance(double: Stepper, entry: Entry, y: np.ndarray, h: float, end: np.ndarray) -> float:
-    """Relative distance of the states after a step h from y in doubles and in many digits, the latter being ``end``.
-
-    ``double`` takes the step in doubles; the distance is infinite if this fails numerically.
-    """
     try:
         other = double(y, h)
     except StepFailed as failure:

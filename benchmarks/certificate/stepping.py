@@ -39,11 +39,8 @@ DIGITS = 40
 class StepFailed(Exception):
     """A step that raised, or returned no state.
 
-    Attributes
-    ----------
-    place : the file and line of the user's code that raised
-    numerical : True if it failed numerically (a division by zero, stages that do not converge), not by a bug
-    mistaken : True if it may have taken one of its arguments for another
+    ``place`` is the file and line of the user's code; ``numerical`` is True for a division by zero, stages that do not
+    converge and the like, not for a bug; ``mistaken`` if it may have taken one of its arguments for another.
     """
 
     place = ""
@@ -51,14 +48,7 @@ class StepFailed(Exception):
 
 
 class Exact:
-    """The system as it is passed to a step in many digits: like `own_step.System`, but with MPFR numbers.
-
-    Attributes
-    ----------
-    d : degrees of freedom
-    evaluations : [number of evaluations of `dH_dq`, number of evaluations of `dH_dp`]
-    whole : the underlying system
-    """
+    """The system as it is passed to a step in many digits: like `own_step.System`, but with MPFR numbers."""
 
     def __init__(self, system: PartitionedSystem) -> None:
         self.d, self.evaluations, self.whole = system.d, [0, 0], system
@@ -73,7 +63,7 @@ class Exact:
     def _slopes(
         self, q: Sequence[Number] | np.ndarray, p: Sequence[Number] | np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return (q', p') at a state, arrays (d,); they are kept for the next call, which may be at the same state."""
+        """(q', p') at a state; kept for the next call, which may be at the same state."""
         state = (*q, *p)
         if self._last[0] != state:
             self._last = state, self._field(vector(q), vector(p), 0, 0)
@@ -95,10 +85,7 @@ class Exact:
 
 
 class Changed(Exact):
-    """`Exact` whose gradients have other last digits: as if each coefficient before a gradient were rounded otherwise.
-
-    ``begun`` is the number of evaluations before the present step, by which coefficients are told apart.
-    """
+    """`Exact` whose gradients have other last digits: as if each coefficient before one were rounded otherwise."""
 
     begun = 0
 
@@ -117,14 +104,7 @@ class Changed(Exact):
 
 @dataclass
 class Stepper:
-    """An integrator's step on one system, as a function (y, h) -> y of states y = (q, p).
-
-    Attributes
-    ----------
-    subject, entry : the integrator, and the system of the battery
-    arithmetic : "double" or "multiprecision"
-    taken : the number of steps so far
-    """
+    """An integrator's step on one system, as a function (y, h) -> y of states y = (q, p), arrays (2 d,)."""
 
     subject: Subject
     entry: Entry
@@ -137,10 +117,7 @@ class Stepper:
         self.system = own_step.System(whole) if self.arithmetic == DOUBLE else Exact(whole)
 
     def __call__(self, y: np.ndarray, h: Number) -> np.ndarray:
-        """Move y to the system's constraints, if any, and return the state after one step h from it, array (2 d,).
-
-        Raises StepFailed.
-        """
+        """Move y to the constraints, if any, and return the state after one step h from it; raises StepFailed."""
         return self.advance(self.retract(y), h)
 
     def retract(self, y: np.ndarray) -> np.ndarray:
@@ -151,10 +128,7 @@ class Stepper:
         return np.concatenate(system.retract(y[: system.d], y[system.d :], self.arithmetic))
 
     def advance(self, y: np.ndarray, h: Number) -> np.ndarray:
-        """Return the state after one step h from y itself, which is not moved to constraints; array (2 d,).
-
-        Raises StepFailed.
-        """
+        """The state after one step h from y itself, which is not moved to constraints; raises StepFailed."""
         d = self.system.d
         return self._state(self.raw(y[:d].copy(), y[d:].copy(), self.number(h)))
 
@@ -190,10 +164,7 @@ class Stepper:
         return y
 
     def run(self, y: Sequence[Number] | np.ndarray, h: Number, steps: int, every: int = 1) -> np.ndarray:
-        """Take steps h from y; return the states at the start and after every ``every`` steps, array (rows, 2 d).
-
-        In doubles the rows end before the first state that is not finite.
-        """
+        """Take steps h from y: states at the start and after every ``every`` steps, while finite, array (rows, 2 d)."""
         y = self.state(y)
         rows = [y]
         for n in range(1, steps + 1):
@@ -229,10 +200,7 @@ class LastDigits(Stepper):
 
 @contextlib.contextmanager
 def report_failures(subject: Subject, what: str) -> Iterator[None]:
-    """Context manager: turn exceptions of the user's code into StepFailed with file and line; send prints to stderr.
-
-    ``what`` says what was being done, for the message.
-    """
+    """Turn exceptions of the user's code, in ``what`` is done here, into StepFailed; send its prints to stderr."""
     try:
         with contextlib.redirect_stdout(sys.stderr), np.errstate(all="ignore"):
             yield

@@ -44,10 +44,9 @@ SMOOTH = 1e-24
 
 
 def structure_row(stepper: Stepper, seed: int, defect: Callable) -> dict:
-    """Measure whether a step keeps a structure, at the first step size of `STEPS` that decides it; return a row.
+    """Measure whether a step keeps a structure, at the first step size of `STEPS` that decides it: a row.
 
-    ``defect`` is (stepper, y, h) -> (defect, its noise), such as `symplecticity`.  The row has the system, h, the
-    defect (``value``), the floor below which it is round-off, and the step's ``own`` error.
+    ``defect`` is (stepper, y, h) -> (defect, its noise), such as `symplecticity`.
     """
     rows, why = [], ""
     for h in WIDER if stepper.subject.eps > EPS else STEPS:
@@ -90,7 +89,6 @@ def measure_defect(stepper: Stepper, y: np.ndarray, h: Number, defect: Callable)
 
 
 def _displacements(stepper: Stepper) -> tuple[tuple[Number, ...], float]:
-    """(the displacements of differences, the round-off that the first of them leaves)."""
     if stepper.arithmetic != DOUBLE:
         return (to_number(TINY, MULTIPRECISION),), 0.0
     first = max(DISPLACEMENT, stepper.subject.eps**0.2)
@@ -98,7 +96,7 @@ def _displacements(stepper: Stepper) -> tuple[tuple[Number, ...], float]:
 
 
 def symplecticity(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
-    """Measure how far a step h from the state y is from symplectic; return (defect, round-off noise of the defect)."""
+    """How far a step h from the state y is from symplectic: (defect, its round-off)."""
     name, (displacements, rounding) = stepper.entry.name, _displacements(stepper)
     if stepper.entry.system.constrained:
         found = [step_map.restricted(lambda x: stepper(x, h), stepper.retract, y, delta) for delta in displacements]
@@ -114,30 +112,20 @@ def symplecticity(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, fl
 
 
 def volume(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
-    """Measure how far a step h from y is from volume-preserving; return (|det M - 1|, round-off noise of this number).
-
-    M is the Jacobian of the step at y, in units of the components' sizes.
-    """
+    """How far a step h from y is from volume-preserving: (|det M - 1|, its round-off), in units of the sizes."""
     sizes, (displacements, rounding) = stepper.state(stepper.entry.sizes), _displacements(stepper)
     value, noise = step_map.volume(lambda x: stepper(x * sizes, h) / sizes, y / sizes, *displacements)
     return value, noise + rounding
 
 
 def symmetry(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
-    """Measure how far a step is from symmetric; return (distance from y after a step h and a step -h, 0).
-
-    The second number is the noise, which is 0 as rounding is part of the distance.
-    """
+    """How far a step is from symmetric: (distance from y after a step h and a step -h, 0)."""
     there, back = (lambda x: stepper.advance(x, h)), (lambda x: stepper.advance(x, -h))
     return float(step_map.return_distance(there, back, y, stepper.entry.sizes)), 0.0
 
 
 def reversibility(stepper: Stepper, y: np.ndarray, h: Number) -> tuple[float, float]:
-    """Measure how far a step is from reversible; return (defect, 0).
-
-    The defect is the distance from y after a step h, a change of the sign of p, a step h and another change of sign;
-    the second number is the noise, taken as 0.
-    """
+    """How far a step is from reversible: (distance from y after two steps h with the sign of p changed, 0)."""
     return float(step_map.reversibility_defect(lambda x: stepper.advance(x, h), y, sizes=stepper.entry.sizes)), 0.0
 
 
@@ -145,10 +133,9 @@ DEFECTS = {"symplectic": symplecticity, "symmetric": symmetry, "reversible": rev
 
 
 def smooth(stepper: Stepper, seed: int) -> float:
-    """Return how smooth a step's result is: its third difference over four calls with slightly different arguments.
+    """The third difference of a step over four calls whose state and h grow by a factor of 1 + 1e-9.
 
-    From call to call the state and h grow by the same tiny factor, in many digits.  The difference is of the order of
-    that factor's third power unless the step rounds its numbers internally.
+    It is of the order of 1e-27 unless the step rounds its numbers internally.
     """
     with precision(DIGITS):
         y, tiny = stepper.state(stepper.entry.start(seed)), to_number(1e-9, MULTIPRECISION)

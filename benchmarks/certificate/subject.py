@@ -75,19 +75,9 @@ def subject(
     claims: Mapping[str, Any] | None = None,
     requires: tuple[str, ...] = (),
 ) -> Subject:
-    """Return the integrator that a target names, with claims and requirements added to its own.
+    """The integrator that a target of `validate` names, with claims and requirements added to its own.
 
-    Parameters
-    ----------
-    target : the path of a file (Python with ``step`` or ``run``, JSON with coefficients), ``package.module:callable``,
-        a callable, the id or the record (registered description) of a method or a peer
-    claims : name -> value; they replace claims of the target
-    requires : further traits that a system must have
-
-    Raises
-    ------
-    InvalidInput
-        For a target that cannot be found, read or called, and for an unknown claim or trait.
+    Raises InvalidInput for a target that cannot be found, read or called, and for an unknown claim or trait.
     """
     made = _build(target)
     own = made.own
@@ -142,7 +132,7 @@ def _find(name: str) -> Subject:
 
 
 def _import_object(name: str) -> Subject:
-    """Import the callable ``package.module:name``, also from the working folder as with `python -m`, as a `Subject`."""
+    """Import ``package.module:name``, also from the working folder as with `python -m`."""
     home, _, path = name.partition(":")
     here = str(Path.cwd())
     added = here not in sys.path and "" not in sys.path
@@ -164,7 +154,6 @@ def _import_object(name: str) -> Subject:
 
 
 def _of_function(function: Callable) -> Subject:
-    """The integrator to certify from a function: a step (system, q, p, h), or a run (system, q, p, t_end, tol)."""
     try:
         names = list(inspect.signature(function).parameters)
     except (TypeError, ValueError):
@@ -178,7 +167,6 @@ def _of_function(function: Callable) -> Subject:
 
 
 def _takes(function: Callable, names: tuple[str, ...]) -> bool:
-    """True if a function can be called with these arguments, by position."""
     try:
         inspect.signature(function).bind(*names)
     except (TypeError, ValueError):

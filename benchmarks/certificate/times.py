@@ -63,13 +63,7 @@ class Fastest(NamedTuple):
 
 @dataclass(frozen=True)
 class StoredTimes:
-    """Stored times of a scene (problem and span).
-
-    Attributes
-    ----------
-    steps, evaluations : number of steps and of gradient evaluations of the stored run of the reference method
-    fastest : error -> the fastest integrator, and its time over that of the reference method's run
-    """
+    """Steps and evaluations of the reference's stored run on a scene; at each error the fastest integrator."""
 
     steps: int
     evaluations: float
@@ -79,9 +73,7 @@ class StoredTimes:
 def build(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Compute the lines of `times.csv`: at each error the fastest integrator, its time over that of a reference method.
 
-    ``choices`` has, for each scene (problem and span) and error, the fastest method of this project and the fastest
-    peer (integrator of another package); ``rungs`` has all stored runs.  The reference method is represented by its
-    longest run, in which the overhead of the call weighs least.
+    The reference method is represented by its longest run, in which the overhead of the call weighs least.
     """
     runs = [r for r in rungs if r["integrator"] == REFERENCE and r.get("status") == OK]
     lines = []
@@ -98,10 +90,7 @@ def build(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any
 
 
 def _cheapest(choice: Mapping[str, Any], side: str) -> tuple[float, str]:
-    """(seconds, id) of the cheapest integrator of a ``side``, this project's methods or the peers, in a stored row.
-
-    The seconds are infinite, and the id "", if none of them reaches the error of the row.
-    """
+    """(seconds, id) of the cheapest integrator of a ``side`` in a stored row; (inf, "") if there is none."""
     seconds = choice.get(f"{side} seconds")
     if seconds in ("", None) or seconds != seconds:
         return inf, ""
@@ -140,14 +129,10 @@ def runge_kutta(system: System, q: np.ndarray, p: np.ndarray, h: float) -> tuple
 
 
 def time_subject(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict[str, Any] | None:
-    """Time an integrator on a scene (problem and span), beside the reference method; return a row of `times_row`.
+    """Time an integrator on a scene, beside the reference method: a row of `times_row`.
 
-    ``row`` is the comparison of evaluations on the scene, from `place.place`.  None if no time of the scene is stored,
-    or the integrator meets none of the errors.
-
-    Parameters
-    ----------
-    run : (subject, entry, problem, t_end, size), runs the integrator as `place.run_subject` does
+    ``row`` is from `place.place`, ``run`` as `place.run_subject`.  None if no time of the scene is stored, or no error
+    of the row is met.
     """
     known, met = TABLE.load().get(row["on"]), [e for e in row["errors"] if e["evaluations"] is not None]
     if known is None or not met or not min(x for x, _ in row["curve"]) > 0:
@@ -188,8 +173,6 @@ def timed_or_failed(chosen: Subject, row: Mapping[str, Any], run: Callable) -> d
 
 
 def _clock(run: Callable[[], object]) -> Callable[[], float]:
-    """A function that calls ``run`` and returns the processor seconds it took."""
-
     def seconds() -> float:
         began = time.process_time()
         run()
@@ -199,10 +182,7 @@ def _clock(run: Callable[[], object]) -> Callable[[], float]:
 
 
 def _often(problem: Problem, method: str | Method, t_end: float, steps: int) -> Callable[[], float]:
-    """Return a function that times a compiled method: the mean processor seconds of `INNER` runs in a row.
-
-    Each run integrates the problem to ``t_end`` in ``steps`` steps.
-    """
+    """A function that times a compiled method: the mean processor seconds of `INNER` runs in a row."""
     name = getattr(method, "id", method)
     with naming(name):
         compiled = prepare(problem, method)
@@ -217,10 +197,6 @@ def _often(problem: Problem, method: str | Method, t_end: float, steps: int) -> 
 
 
 def _seconds(chosen: Subject, problem: Problem, t_end: float, size: float) -> float:
-    """Run a peer (an integrator of another package) to ``t_end`` and return the seconds that it reports.
-
-    ``size`` is the number of steps or the tolerance.
-    """
     wanted = {"tol": max(size, chosen.integrator.record.least)} if chosen.adaptive else {"steps": size}
     return chosen.integrator.run(problem, t_end=t_end, save_every=0, **wanted).seconds
 
@@ -228,22 +204,10 @@ def _seconds(chosen: Subject, problem: Problem, t_end: float, size: float) -> fl
 def times_row(
     row: Mapping[str, Any], known: StoredTimes, evaluations: float, seconds: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Estimate, at each error that an integrator reaches, its time over that of the fastest stored one; return a row.
+    """Estimate, at each error that an integrator reaches, its time over that of the fastest stored one: a row.
 
-    Parameters
-    ----------
-    row : the comparison of the integrator's evaluations with stored ones on a scene, from `place.place`
-    known : the stored times on the scene
-    evaluations : those of the run that was timed
-    seconds : "mine", "reference" and perhaps "python" -> seconds of runs of the integrator, of the reference method,
-        and of a Runge-Kutta step in Python, timed alternately
-
-    Returns
-    -------
-    dict
-        ``on``, the scene; ``reference``, the method; ``errors``, a dict for each error with the ``fastest`` integrator,
-        the ratio of times (``factor``) and its interval ``low``, ``high``; ``python``, the time of an evaluation called
-        from Python over that of a compiled one (value, low, high), or None
+    ``evaluations`` are those of the run that was timed; ``seconds`` has "mine", "reference" and perhaps "python", a
+    Runge-Kutta step, timed in turns.  ``python`` is an evaluation called from Python over a compiled one, or None.
     """
     here = timing.ratio(seconds["mine"], seconds["reference"])
     errors = []

@@ -64,10 +64,7 @@ class Check:
 
 
 def order(claimed: int, tables: Tables) -> Judgement:
-    """Judge a claimed order against the lowest one measured on any system.
-
-    The rows must be conclusive for at least half of the systems with H = T(p) + V(q), and for half of the others.
-    """
+    """Judge a claimed order against the lowest one measured on any system."""
     rows = tables.of("order")
     verdict, seen = decide.order(claimed, rows, CERTIFICATE)
     told = [r for r in rows if agrees(r, claimed) is not None]
@@ -118,7 +115,6 @@ def _unsolved(rows: list[dict]) -> str:
 
 
 def _unseen(rows: list[dict]) -> Judgement:
-    """The judgement "not judged" of a structure such as symplecticity, with the reason why ``rows`` do not decide."""
     why = next((r["reason"] for r in rows if r.get("reason")), "nothing could be seen above the floor")
     above = [r for r in rows if between(r)]
     if above:
@@ -137,10 +133,7 @@ def symplectic(claimed: bool, tables: Tables) -> Judgement:
 
 
 def _pieces(claimed: bool, tables: Tables) -> Judgement | None:
-    """The judgement on symplecticity from jumps of the step map, which is then discontinuous; None if there are none.
-
-    ``claimed`` is True if the step is claimed to be symplectic, False if it is claimed not to be.
-    """
+    """The judgement on symplecticity from jumps of the step map, which is then discontinuous, or None."""
     rows = [r for r in tables.of("jumps") if r["value"] > r["floor"]]
     if not rows:
         return None
@@ -165,11 +158,7 @@ def _drifting(tables: Tables) -> Judgement | None:
 
 
 def conservation(name: str, claimed: str, tables: Tables) -> Judgement:
-    """Judge how the invariant ``name``, such as the energy, is conserved along long runs.
-
-    ``claimed`` is a value of `KEPT_AS`: "preserved", "exact" or "round-off" (all mean: up to round-off), "bounded" or
-    "drift", for the error.
-    """
+    """Judge how the invariant ``name`` is conserved along long runs; ``claimed`` is a value of `KEPT_AS`."""
     rows = [{"on": r["on"], "status": "ok"} | r[name] if name in r else r
             for r in tables.of("long") if r["status"] != "ok" or name in r]  # fmt: skip
     lost, ran = ([r for r in rows if (r["status"] == "ok") is x] for x in (False, True))
@@ -221,17 +210,13 @@ def precision(claimed: str, tables: Tables) -> Judgement:
 
 
 def hint(bad: list[dict], rows: list[dict]) -> str:
-    """Advice to restrict a claim to separable H if it fails only on systems whose H is not T(p) + V(q); else "".
-
-    ``bad`` are the rows of the systems on which the claim fails, ``rows`` those of all systems.
-    """
+    """Advice to restrict a claim to separable H if it fails (``bad``) only on others; else ""."""
     wrong, right = set(systems(bad)), set(systems(rows)) - set(systems(bad))
     split = any(r.get("separable") for r in bad)
     return "; on H = T(p) + V(q) it is so: say REQUIRES = ('separable',)" if wrong and right and not split else ""
 
 
 def _orders(tables: Tables) -> tuple[int, ...]:
-    """The order that could be claimed: a tuple of the integer nearest to the lowest measured one; () if none."""
     told = [r["value"] for r in tables.of("order") if has(r, "value")]
     return (round(min(told)),) if told and round(min(told)) > 0 else ()
 
@@ -278,10 +263,7 @@ CHECKS: dict[str, Check] = {
 
 
 def checked_claims(claims: object, where: str) -> dict[str, Any]:
-    """Return the claims as a dict, name -> value, after a check of names and values.
-
-    Raises InvalidInput, with a message that begins with ``where``, for an unknown claim or a value that it cannot have.
-    """
+    """The claims as a dict, name -> value; raises InvalidInput for an unknown claim or a value that it cannot have."""
     if not isinstance(claims, Mapping):
         raise InvalidInput(f"{where} is {claims!r}; write {{'order': 2, 'symplectic': True}}")
     for name, value in claims.items():

@@ -23,13 +23,7 @@ BEYOND = 10
 
 
 class Standard(NamedTuple):
-    """How much evidence a verdict needs.
-
-    Attributes
-    ----------
-    everywhere : True if the rows of every system must be conclusive
-    more : the verdict if the measured property exceeds the claim
-    """
+    """How much evidence a verdict needs: whether of ``everywhere``; and the verdict where ``more`` is measured."""
 
     everywhere: bool
     more: str
@@ -40,11 +34,11 @@ AUDIT = Standard(False, UNDERSTATED)
 
 
 def order(claimed: int, rows: list[dict], standard: Standard) -> Decision:
-    """Return the verdict on a claimed order from the rows of all systems, with the rows that decide.
+    """The verdict on a claimed order from the rows of all systems, with the rows that decide.
 
-    By the standard `CERTIFICATE` one system with a lower order contradicts the claim, and conclusive rows are needed of
-    half of the systems with H = T(p) + V(q), and of half of the others.  By `AUDIT` one row that agrees is enough, two
-    that differ contradict the claim, and if some agree and some differ it holds in part.
+    By `CERTIFICATE` one system with a lower order contradicts the claim, and conclusive rows are needed of half of the
+    systems with H = T(p) + V(q), and of half of the others.  By `AUDIT` one row that agrees is enough, two that differ
+    contradict the claim, and if some agree and some differ it holds in part.
     """
     agree, differ = ([r for r in rows if agrees(r, claimed) is x] for x in (True, False))
     lower = [r for r in differ if r["value"] < claimed]
@@ -61,20 +55,13 @@ def order(claimed: int, rows: list[dict], standard: Standard) -> Decision:
 
 
 def _open(rows: list[dict], told: list[dict], separable: bool) -> bool:
-    """True if less than half of the rows of one kind are conclusive, so that an order stays undecided.
-
-    The kind is that of systems with H = T(p) + V(q) if ``separable``, else of all others; ``told`` has the conclusive
-    rows of both kinds.
-    """
+    """True if less than half of the rows of separable systems, or of the others, are conclusive."""
     part = [r for r in rows if bool(r.get("separable")) is separable]
     return 2 * len([r for r in part if r in told]) < len(part)
 
 
 def structure(claimed: bool, rows: list[dict], standard: Standard) -> Decision:
-    """Return the verdict on a structure of the step map, such as symplecticity, with the rows that decide.
-
-    ``claimed`` is True if the structure is claimed, False if it is denied.  One system on which it is broken decides.
-    """
+    """The verdict on a structure claimed (True) or denied, with the rows that decide: one broken system does."""
     tells = shows_structure if standard.everywhere else keeps_structure
     broken, whole = ([r for r in rows if tells(r) is x] for x in (False, True))
     if broken:
@@ -87,10 +74,7 @@ def structure(claimed: bool, rows: list[dict], standard: Standard) -> Decision:
 
 
 def conservation(claimed: str, rows: list[dict], standard: Standard) -> Decision:
-    """Return the verdict on how an invariant is conserved, with the rows that decide.
-
-    ``claimed`` is "preserved", "bounded", ...; a drift on one system contradicts the claim "bounded".
-    """
+    """The verdict on how an invariant is conserved, with the rows that decide: one drift contradicts "bounded"."""
     if claimed not in FITS:
         return UNJUDGED, []
     fits = FITS[claimed]

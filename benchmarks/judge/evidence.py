@@ -67,8 +67,8 @@ def has(row: Mapping[str, Any], key: str) -> bool:
 def keeps_structure(row: Mapping[str, Any]) -> bool | None:
     """True if a row shows a structure (such as symplecticity), False if it shows it broken, None if inconclusive.
 
-    ``row`` has ``value``, the defect; ``floor``, its round-off; ``own``, the integrator's own error; and, if measured,
-    ``classical``, the defect of the classical Runge-Kutta method.
+    ``value`` is the defect; ``floor`` its round-off; ``own`` the integrator's own error; and, if measured,
+    ``classical`` the defect of the classical Runge-Kutta method.
     """
     if row.get("status", "ok") != "ok" or not has(row, "floor"):
         return None
@@ -78,26 +78,20 @@ def keeps_structure(row: Mapping[str, Any]) -> bool | None:
 
 
 def between(row: Mapping[str, Any]) -> bool:
-    """True if a row's structural defect is above its round-off floor, but so little that it may still be round-off.
-
-    ``row`` has the defect as ``value``, and its ``floor``.
-    """
+    """True if a row's defect is above its round-off floor, but so little that it may still be round-off."""
     return has(row, "floor") and row["floor"] < row["value"] <= BROKEN * row["floor"]
 
 
 def shows_structure(row: Mapping[str, Any]) -> bool | None:
-    """True if a row shows a structure such as symplecticity, False if it shows it broken, None if it is inconclusive.
-
-    Stricter than `keeps_structure`: a defect that is a little above the round-off floor is inconclusive.
-    """
+    """`keeps_structure`, but a defect that is a little above the round-off floor is inconclusive."""
     return None if between(row) else keeps_structure(row)
 
 
 def is_bounded(row: Mapping[str, Any]) -> bool | None:
     """True if the error of an invariant is bounded over the time of the row, False if it drifts, None if unclear.
 
-    ``row`` has ``value``, the largest error; ``slope`` with its interval ``low``, ``high``; ``time``; ``scale``, the
-    size of the invariant's terms; and the number of ``steps`` of the run.
+    ``value`` is the largest error; ``slope`` has its interval ``low``, ``high``; ``scale`` is the size of the
+    invariant's terms.
     """
     if row.get("status", "ok") != "ok" or not has(row, "slope"):
         return None
@@ -110,19 +104,12 @@ def is_bounded(row: Mapping[str, Any]) -> bool | None:
 
 
 def round_off(row: Mapping[str, Any]) -> float:
-    """Return an upper bound of the round-off error of an invariant, such as the energy, in the run of a row.
-
-    It is proportional to the invariant's size, ``scale``, and to the square root of ``steps`` (Brouwer's law); ``eps``
-    is the rounding of the arithmetic where it is not that of doubles.
-    """
+    """Upper bound of the round-off error of an invariant in the run of a row, by Brouwer's law."""
     return BROUWER * row.get("eps", EPS) * row["scale"] * sqrt(row["steps"])
 
 
 def kind(row: Mapping[str, Any]) -> str | None:
-    """The kind of error of an invariant along a long run: `ROUND_OFF`, `BOUNDED`, `DRIFT`, or None if unclear.
-
-    ``row`` is as for `is_bounded`.
-    """
+    """The kind of error of an invariant along a long run: `ROUND_OFF`, `BOUNDED`, `DRIFT`, or None if unclear."""
     if row["value"] <= round_off(row):
         return ROUND_OFF
     stays = is_bounded(row)
@@ -132,8 +119,7 @@ def kind(row: Mapping[str, Any]) -> str | None:
 def agrees(row: Mapping[str, Any], claimed: int) -> bool | None:
     """True if a row's measured order is the claimed one, False if it differs, None if the row does not decide.
 
-    ``row`` has the order as ``value``, and its interval ``low``, ``high``.  The order differs if the whole interval is
-    away from ``claimed`` and the order is close to another integer.
+    It differs if its whole interval is away from ``claimed`` and it is close to another integer.
     """
     if row.get("status", "ok") != "ok" or not has(row, "value"):
         return None

@@ -37,7 +37,7 @@ def judgements(claims: Mapping[str, Any], tables: Tables) -> list[Judgement]:
 
 
 def judgement(check: Check, value: Any, tables: Tables) -> Judgement:
-    """Judge one claim by its check, such as the check of the order; ``value`` is the claimed value, such as 4.
+    """Judge one claim by its check.
 
     If time ran out, the claim can only hold if all measurements that the check needs were completed.
     """
@@ -49,10 +49,7 @@ def judgement(check: Check, value: Any, tables: Tables) -> Judgement:
 
 
 def verdict(found: list[Judgement]) -> str:
-    """The verdict of a certificate, from the judgements of requirements and claims: "pass", "fail" or "not-judged".
-
-    It is "fail" if a claim or requirement is contradicted, "pass" if claims were made and all hold.
-    """
+    """ "fail" if a claim or requirement is contradicted, "pass" if claims were made and all hold, else "not-judged"."""
     kinds = {j.verdict for j in found}
     if CONTRADICTED in kinds:
         return FAIL
@@ -60,10 +57,7 @@ def verdict(found: list[Judgement]) -> str:
 
 
 def gross_failure(found: list[Judgement]) -> str:
-    """Why no claim can be judged: the integrator does not run, or is not consistent; "" if neither is so.
-
-    ``found`` are the judgements of the requirements on every integrator.
-    """
+    """Why no claim can be judged: the integrator does not run, or is not consistent; "" if neither is so."""
     for j in found:
         if j.verdict == HOLDS:
             continue

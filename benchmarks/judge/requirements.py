@@ -93,10 +93,7 @@ def consistent(tables: Tables) -> Judgement:
 
 
 def _elsewhere(tables: Tables) -> Judgement | None:
-    """Return the judgement that the step is inconsistent at random states with other sizes of q and p.
-
-    None if it is consistent at all of them.
-    """
+    """The judgement that the step is inconsistent at random states of other sizes, or None."""
     for row in tables.of("states"):
         if below(row, 1):
             why = f"its error in a step falls as h^{row['order'] + 1:.2f} on {row['on']}: this is no step of the system"
@@ -105,11 +102,7 @@ def _elsewhere(tables: Tables) -> Judgement | None:
 
 
 def below(row: Mapping[str, Any], order: int) -> bool:
-    """True if single steps show a lower order than ``order``: their errors fall more slowly with h.
-
-    ``row`` has the ``order`` that errors of single steps h, h/2, ... show, and the number of ``pairs`` of neighbouring
-    step sizes that it is from; with less than `PAIRS` the result is False.
-    """
+    """True if single steps show a lower order than ``order``, from `PAIRS` pairs of neighbouring step sizes or more."""
     return row["pairs"] >= PAIRS and row["order"] < order - SLOWER
 
 

@@ -19,16 +19,7 @@ PASS, FAIL, OPEN = "pass", "fail", "not-judged"
 
 @dataclass(frozen=True)
 class Judgement:
-    """The outcome of one claim.
-
-    Attributes
-    ----------
-    verdict : `HOLDS`, `CONTRADICTED`, `UNJUDGED` or another outcome
-    measured, interval : the measured number (or words), and its interval (low, high), if it has one
-    on : names of the test systems that decide
-    why : the reason in words
-    name, claim : the name of the claim, and the claim in words
-    """
+    """The outcome of one claim: the measured number (or words), its interval, the systems that decide, the reason."""
 
     verdict: str
     measured: Any = None

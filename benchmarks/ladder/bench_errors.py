@@ -45,7 +45,6 @@ def _regressions(scene: Scene) -> tuple[str, ...]:
 
 
 def _table(rows: list[dict], scene: Scene) -> pd.DataFrame:
-    """Select the rows of this project's methods on a scene, and the columns that are stored: an error table."""
     frame = pd.DataFrame([r for r in rows if r.get("kind", OURS) == OURS])
     status = ["status"] if scene.regular else []
     uncertain = ["reference_uncertainty"] if scene.regular else []

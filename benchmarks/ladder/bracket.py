@@ -42,12 +42,11 @@ R = TypeVar("R", bound=Erring)
 
 
 def bracket(rungs: Sequence[R], wanted: float) -> tuple[R | None, list[R]]:
-    """Return (the last run whose error is above ``wanted``, the list of the finer runs that meet ``wanted``).
+    """(The last run whose error is above ``wanted`` or None, the finer runs that meet it) of ever finer ``rungs``.
 
-    ``rungs`` are runs at ever finer steps or tolerances.  The result is (None, []) if no run has an error of at most
-    ``wanted``; the run is None if all of them meet it.  A run that misses ``wanted`` though it is finer than the most
-    accurate run is ignored if its error is at most `ROUND_OFF`.  With a larger error it is not ignored, and the runs
-    before it do not count as meeting ``wanted``: their small errors were luck.
+    A run that misses ``wanted`` though it is finer than the most accurate run is ignored if its error is at most
+    `ROUND_OFF`.  With a larger error it is not, and the runs before it do not count as meeting it: their small errors
+    were luck.
     """
     good = [r for r in rungs if isfinite(r.error)]
     if not good or min(r.error for r in good) > wanted:
@@ -59,19 +58,12 @@ def bracket(rungs: Sequence[R], wanted: float) -> tuple[R | None, list[R]]:
 
 
 def share(coarse: float, fine: float, wanted: float) -> float:
-    """Position of the error ``wanted`` between the errors ``coarse`` and ``fine`` of two runs, on a log scale.
-
-    It is 0 at ``coarse`` and 1 at ``fine``.
-    """
+    """Position of ``wanted`` between the errors of two runs on a log scale: 0 at ``coarse``, 1 at ``fine``."""
     return log(coarse / wanted) / log(coarse / max(fine, 1e-300))
 
 
 def cost(rungs: Sequence[R], wanted: float) -> float:
-    """The cost at which the error ``wanted`` is met, interpolated between two of the runs; infinite if none meets it.
-
-    ``rungs`` are runs at ever finer steps or tolerances.  The cost, in the unit of their ``seconds``, is taken as a
-    power of the error.
-    """
+    """The seconds at which the error ``wanted`` is met, a power of the error between two runs; inf if none meets it."""
     low, meeting = bracket(rungs, wanted)
     if not meeting:
         return inf
@@ -82,23 +74,13 @@ def cost(rungs: Sequence[R], wanted: float) -> float:
 
 
 def evaluations_for(runs: Iterable[tuple[float, float]], wanted: float) -> float | None:
-    """The number of evaluations that an integrator needs to meet the error ``wanted``; None if no run meets it.
-
-    It is interpolated between two runs as a power of the error.
-
-    Parameters
-    ----------
-    runs : (evaluations, error) of each run of the integrator, in any order; non-finite errors are left out
-    """
+    """The evaluations for the error ``wanted`` from (evaluations, error) of runs; None if no run meets it."""
     found = cost([Run(error, count) for count, error in sorted(runs) if isfinite(error)], wanted)
     return found if isfinite(found) else None
 
 
 def aim(coarse: Rung, fine: Rung, wanted: float) -> float:
-    """The fineness (steps, or 1 / tolerance) between two runs at which the error ``wanted`` is expected.
-
-    If the error does not fall from ``coarse`` to ``fine``, or is infinite or 0, it is the middle on a log scale.
-    """
+    """The fineness (steps, or 1 / tolerance) between two runs at which the error ``wanted`` is expected."""
     part = 0.5
     if isfinite(coarse.error) and coarse.error > fine.error > 0:
         part = min(max(share(coarse.error, fine.error, wanted), EDGE), 1 - EDGE)

@@ -1,7 +1,4 @@
-"""Choose the cheapest of the runs that meet an accuracy, for the command ``advise`` and the experiment ``trade``.
-
-The experiment compares what integrators cost at equal error.
-"""
+"""Choose the cheapest of the runs that meet an accuracy."""
 
 from __future__ import annotations
 
@@ -24,10 +21,9 @@ Run = TypeVar("Run", bound=TimedRun)
 
 
 def cheapest(meeting: Sequence[Run]) -> Run | None:
-    """The cheapest of the runs that meet an accuracy: the coarsest, unless a finer one takes clearly less time.
+    """The cheapest of runs from coarse to fine: the coarsest, unless a finer one takes clearly less time; None of none.
 
-    ``meeting`` is ordered from coarse to fine; None if it is empty.  A finer run can be cheaper where implicit
-    equations need many iterations in wide steps.
+    A finer run can be cheaper where implicit equations need many iterations in wide steps.
     """
     if not meeting:
         return None

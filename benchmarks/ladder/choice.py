@@ -11,11 +11,7 @@ TIE = 1.05
 
 
 def cheaper(row: dict) -> str:
-    """The faster side at an accuracy: `OURS`, `PEERS`, `TIED`, or `NONE` if neither reaches it.
-
-    ``row`` has the fastest integrator of each side and the interval of the ratio of their times; a side that alone
-    reaches the accuracy is the faster one.
-    """
+    """The faster side at an accuracy: `OURS`, `PEERS`, `TIED`, or `NONE`; a side that alone reaches it is faster."""
     there = {side: isinstance(row.get(f"{side} integrator"), str) for side in (OURS, PEERS)}
     if not all(there.values()):
         return next((side for side, is_ in there.items() if is_), NONE)

@@ -18,17 +18,9 @@ Rung = TypeVar("Rung")
 def climb(
     sizes: Iterable[Size], run: Callable[[Size], Rung], ended: Callable[[list[Rung]], str]
 ) -> tuple[list[Rung], str]:
-    """Run an integrator at size after size (steps or tolerance), the coarsest first, until ``ended`` gives a reason.
+    """Run an integrator at size after size, the coarsest first, until ``ended`` gives a reason; return (runs, reason).
 
-    Parameters
-    ----------
-    sizes : numbers of steps or tolerances, the coarsest first
-    run : size -> the run (a `Rung`)
-    ended : the list of the runs so far -> the reason to end, or ""; it may change the list
-
-    Returns
-    -------
-    rungs, why : all runs; the reason why they ended, or "" if the sizes ran out
+    ``ended`` is called with the list of the runs so far, which it may change; the reason is "" if the sizes ran out.
     """
     rungs: list[Rung] = []
     for size in sizes:
@@ -61,12 +53,7 @@ def tolerances(loosest: float, least: float) -> Iterator[float]:
 
 
 def idle(errors: Iterable[float]) -> int:
-    """Return how many runs at the end of a ladder (runs at ever finer steps) failed to reduce the error clearly.
-
-    ``errors`` are those of the runs, the coarsest first.  A run reduces the error clearly if its error is below `FLOOR`
-    times the least error before it; only runs after the last such run are counted, and none before the first finite
-    error.
-    """
+    """How many runs at the end of a ladder failed to bring the error below `FLOOR` times the least one before."""
     least, count = inf, 0
     for error in errors:
         count = count + 1 if least < inf and not error < FLOOR * least else 0

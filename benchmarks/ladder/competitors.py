@@ -80,8 +80,8 @@ def able(problem: Problem) -> tuple[list[Integrator], dict[str, str]]:
 def practical(m: Method, system: PartitionedSystem) -> bool:
     """True if a method competes on a system of its number of degrees of freedom.
 
-    Up to `SMALL` all do.  Above, the methods left out take minutes to compile: root finders around stages, averages,
-    projections, derivatives of second and higher order.
+    Above `SMALL`, those left out take minutes to compile: root finders around stages, averages, projections,
+    derivatives of second and higher order.
     """
     if system.d <= SMALL or m.family in PRACTICAL:
         return True

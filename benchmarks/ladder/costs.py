@@ -21,9 +21,8 @@ COST = ("us", "us, low", "us, high")
 def at(rungs: pd.DataFrame, error: float) -> Median:
     """The cost (microseconds, with interval) at which one integrator meets an error; `NOWHERE` if it never does.
 
-    ``rungs`` are the integrator's runs at different steps, with the columns ``error``, ``us``, ``us, low`` and ``us,
-    high``.  The cost is interpolated as a power of the error between two runs whose errors differ by less than the
-    factor `SPAN`; otherwise it is the cost of the finer run.
+    It is interpolated as a power of the error between two runs whose errors differ by less than the factor `SPAN`;
+    otherwise it is the cost of the finer run.
     """
     ladder = rungs[np.isfinite(rungs["error"])].sort_values("error")
     there, beyond = ladder[ladder["error"] <= error], ladder[ladder["error"] > error]

@@ -44,16 +44,8 @@ def curves(
 ) -> list[dict[str, Any]]:
     """Measure work-precision curves: a row for each integrator and number of steps or tolerance.
 
-    A row is a dict: the problem, ``t_end`` and the quantity; the method with its step ``h`` or tolerance ``tol``; the
-    ``steps`` taken, the ``error`` with the ``uncertainty`` of the reference, ``seconds``, ``status`` and ``reason``.
-
-    ``true`` is the true value of the quantity; by default it is looked up, or computed.  ``progress`` is called with
-    the name of each integrator before it runs.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no reference solution, or an integrator is not applicable to the problem.
+    ``true`` is the true value of the quantity; by default it is looked up, or computed.  Raises InvalidInput if there
+    is no reference solution, or an integrator is not applicable to the problem.
     """
     try:
         true = truths.truth(problem, quantity, t_end) if true is None else true

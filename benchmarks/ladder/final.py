@@ -8,8 +8,5 @@ from phasebench.benchmarks.measure.clock import LEAST
 
 
 def rounds(seconds: Iterable[float], within: float, least: int, most: int) -> int:
-    """Number of rounds, each of which runs every integrator once, that fit into ``within`` seconds.
-
-    ``seconds`` are the times of one run of each integrator; the number is kept between ``least`` and ``most``.
-    """
+    """Number of rounds, a run of each integrator of these ``seconds``, that fit into ``within`` seconds."""
     return int(min(most, max(least, within / sum(max(s, LEAST) for s in seconds))))

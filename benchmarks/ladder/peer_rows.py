@@ -107,7 +107,6 @@ def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeat
 def _with_rows(
     problem: Problem, peer: Peer, scene: Scene, h: float | None, tol: float | None
 ) -> tuple[Solution, int | None]:
-    """A run with output, for the errors of invariants, and its steps between rows (None for an adaptive peer)."""
     if peer.adaptive:
         steps = ADAPTIVE if scene.purpose == DRIFT else round(scene.t_end / scene.steps[0])
         return integrate_peer(problem, peer, tol=tol, t_end=scene.t_end, steps=steps), None

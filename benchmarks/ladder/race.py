@@ -74,10 +74,7 @@ class Known:
 
 @dataclass
 class Climb:
-    """An integrator, its runs (``rungs``) at ever finer steps or tolerances, and ``why`` no finer ones were made.
-
-    ``dropped`` is True if it was given up because it cannot be the cheapest.
-    """
+    """An integrator, its runs at ever finer steps, ``why`` there are no finer ones, and whether it was given up."""
 
     integrator: Integrator
     rungs: list[Rung]
@@ -88,8 +85,7 @@ class Climb:
 def enter(task: Task, c: Integrator, known: Known) -> Climb:
     """Run an integrator at ever finer steps for as long as it may still be the cheapest; return its runs.
 
-    ``known`` are the runs of the integrators before it, to which its own are added.  An integrator that does not
-    compile is dropped, with no runs.
+    ``known`` are the runs of the integrators before it, to which its own are added.
     """
     entrant = Entrant(task, c, known)
     try:
@@ -112,8 +108,7 @@ def sizes(task: Task, c: Integrator) -> Iterator[dict]:
 def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
     """Make runs of wider steps if the first run already meets the coarsest accuracy; return them, the coarsest first.
 
-    Each has half the steps of the one before, until a run misses that accuracy or is `hopeless`: implicit equations
-    that only Newton's method solves take longer in wider steps.
+    Implicit equations that only Newton's method solves take longer in wider steps.
     """
     out: list[Rung] = []
     steps = rung.steps
@@ -127,20 +122,12 @@ def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
 
 
 def hopeless(task: Task, rung: Rung, known: Known) -> bool:
-    """True if a run took over `SHORT` seconds and `HOPELESS` times as long as the fastest known run as accurate as it.
-
-    A run that misses the coarsest accuracy is compared with the fastest one that meets it.
-    """
+    """True if a run took over `SHORT` s and `HOPELESS` times as long as the fastest known one as accurate as it."""
     return rung.seconds > max(SHORT, HOPELESS * known.seconds(min(rung.error, task.testable_accuracies[0])))
 
 
 def eases(rungs: list[Rung]) -> bool:
-    """True if twice the steps may take less than twice the time, because evaluations per step decrease.
-
-    ``rungs`` are an integrator's runs so far, the coarsest first, of which the last two are compared; a single run
-    gives True, and an adaptive integrator False.  In wide steps implicit equations need Newton's method or many
-    iterations, so the cost of a step there does not predict that of shorter steps.
-    """
+    """True if twice the steps may take less than twice the time, because evaluations per step decrease."""
     each = [r.evaluations / r.taken for r in rungs[-2:] if r.tol is None and r.taken]
     return len(each) == 1 or (len(each) == 2 and each[1] < NEARER * each[0])
 
@@ -151,13 +138,10 @@ class Entrant:
 
     Attributes
     ----------
-    task, c, known : the problem and quantity, the integrator, and the runs of all integrators so far
-    lost : number of runs in a row that were too slow
+    lost, failed, wasted : number of runs in a row that were too slow, that failed, and the seconds of these
     before : the last run's time, divided by the least known time in which any run reaches its error
-    failed, wasted : number of failed runs in a row, and their seconds
-    dear : seconds of the cheapest run so far, of any integrator, that reaches the finest accuracy; infinite if none
+    dear : seconds of the cheapest run so far, of any integrator, that reaches the finest accuracy
     preparing : seconds that the last run took besides the integration, for instance to compile
-    dropped : True if it was given up because it cannot win
     """
 
     task: Task
@@ -182,10 +166,7 @@ class Entrant:
         return rung
 
     def end_reason(self, rungs: list[Rung]) -> str:
-        """Why no finer run follows the last one; "" if one does.
-
-        If the first run is finer than needed, runs of wider steps are made and inserted before it.
-        """
+        """Why no finer run follows the last one; "" if one does."""
         rung = rungs[-1]
         if len(rungs) == 1 and rung.error <= self.task.testable_accuracies[0]:
             rungs[:0] = wider(self.task, self.c, rung, self.known)

@@ -17,11 +17,7 @@ APART = 0.95
 
 
 def refine(task: Task, c: Integrator, rungs: list[Rung], wanted: float) -> Rung:
-    """Find the cheapest run of the integrator ``c`` whose error is at most ``wanted``.
-
-    Further runs are made between the two runs whose errors enclose ``wanted``, and added to ``rungs``, an integrator's
-    runs from coarse to fine.
-    """
+    """The cheapest run of the integrator whose error is at most ``wanted``; further runs are added to ``rungs``."""
     low, (high, *_) = bracket(rungs, wanted)
     for _ in range(REFINED if low is not None else 0):
         size = _between(task, low, high, wanted)

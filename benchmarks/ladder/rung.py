@@ -32,12 +32,9 @@ class Rung(NamedTuple):
 
     Attributes
     ----------
-    steps, tol : the number of steps, or the tolerance of an adaptive integrator; the other is None
-    status : how the run ended
     error : of the quantity to be computed; infinite if the run did not reach its end
     seconds : the time of a warm run without output; with output if the integrator's steps end at rows (`Task.timer`)
     taken, evaluations : the steps and the gradients that the run counted
-    reason : why the run failed, or ""
     """
 
     steps: int | None
@@ -77,14 +74,9 @@ def unbeaten(error: float) -> float:
 
 @dataclass(frozen=True)
 class Task:
-    """A problem to integrate over a span, the quantity to compute, and its true value.
+    """A problem to integrate over a span, the quantity to compute, its true value, and the errors to be met.
 
-    Attributes
-    ----------
-    problem, t_end, quantity, truth : the problem, the final time, the quantity and its reference value, which is not
-        needed to time runs
-    accuracies : the errors to be met, the coarsest first
-    clocks : timers, one for each integrator prepared to run; they count how often other processes shared the core
+    ``clocks`` are timers, one for each integrator prepared to run; they count how often the core was shared.
     """
 
     problem: Any
@@ -103,11 +95,7 @@ class Task:
         return tuple(a for a in self.accuracies if self.truth.uncertainty <= a)
 
     def run(self, c: Integrator, size: dict[str, Any], *, bare: bool = False, timeout: float = inf) -> Solution:
-        """Integrate the problem with the integrator c at ``size``, {"steps": n} or {"tol": x}; return the solution.
-
-        The solution has the output rows that the quantity needs, or none between start and end if ``bare``; c is
-        stopped after ``timeout`` seconds if it can be.
-        """
+        """Integrate the problem at ``size``, with the rows that the quantity needs, or none between if ``bare``."""
         rows = {**size, "save_every": 0} if bare else self.quantity.grid(**size)
         stop = {"timeout": timeout} if c.stoppable and isfinite(timeout) else {}
         return c.run(self.problem, t_end=self.t_end, **rows, **stop)
@@ -124,9 +112,7 @@ class Task:
         """Run an integrator with ``steps`` or ``tol`` and measure error and time.
 
         A second run, without output, is timed if the first was short or had output rows, unless the integrator is too
-        slow anyway (`beaten`).
-
-        ``cheapest`` maps an error to the least seconds in which other integrators reach it.
+        slow anyway (`beaten`); ``cheapest`` maps an error to the least seconds in which others reach it.
         """
         size = {"tol": tol} if steps is None else {"steps": steps}
         try:
@@ -142,20 +128,16 @@ class Task:
         return Rung(steps, tol, found.status, error, seconds, *counts, found.reason)
 
     def beaten(self, c: Integrator, seconds: float, cheapest: float) -> bool:
-        """True if a method is so much slower than the cheapest that compiling its run without output is not worth it.
-
-        ``seconds`` are those of its run with output, ``cheapest`` those of the fastest other integrator at its error.
-        False for peers, whose runs need no compilation.
-        """
+        """True if a method is so much slower than the cheapest that to compile it without output is not worth it."""
         if not isinstance(c.record, Method) or self.clocks.ready(c) or not self.quantity.aligned:
             return False  # a run with the many rows of an unaligned quantity says little of one without
         return seconds - OVERHEAD > WORTH * cheapest
 
     def timer(self, c: Integrator, size: dict[str, Any]) -> Callable[[], float]:
-        """Make a function that times a warm run at ``size``, {"steps": n} or {"tol": x}, and returns its seconds.
+        """A function that times a warm run without output at ``size`` and returns its seconds.
 
-        The run has no output, and is timed by `measure.clock` or, if it cannot be prepared, by itself.  If the steps of
-        an adaptive peer end at rows, it has those of which the error is taken: without them it would be another run.
+        If the steps of an adaptive peer end at rows, it has those of which the error is taken: without them it would be
+        another run.
         """
         with_rows = self.quantity.rows > 1 and c.rows_end_steps
         if with_rows or not c.preparable:
@@ -169,10 +151,7 @@ class Task:
         return self.timer(c, size)()
 
     def retime(self, c: Integrator, rung: Rung) -> Rung:
-        """Time a run `AGAIN` more times and return it with the least of all its times.
-
-        It is returned unchanged if it failed, takes long, or its timed run is not compiled.
-        """
+        """The run with the least of `AGAIN` more times; unchanged if it failed, takes long, or is not compiled."""
         unprepared = isinstance(c.record, Method) and not self.clocks.ready(c)
         if not rung.ok or rung.seconds > LONG or unprepared:
             return rung

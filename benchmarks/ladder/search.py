@@ -111,10 +111,7 @@ def _bad(trial: Trial, accuracy: float) -> Rung | None:
 
 
 def _close(good: Rung, bad: Rung | None) -> bool:
-    """True if no run between ``good`` and ``bad`` is worth trying, since their costs are close.
-
-    ``good`` is the coarsest run that meets the accuracy, ``bad`` the finest coarser one that misses it, or None.
-    """
+    """True if no run between ``good`` and ``bad`` (or None) is worth trying, since their costs are close."""
     if bad is None:
         return good.taken <= 1 or (good.tol is not None and good.tol >= LOOSEST)
     if good.tol is not None:
@@ -124,11 +121,7 @@ def _close(good: Rung, bad: Rung | None) -> bool:
 
 
 def _dear(trial: Trial, good: Rung, bad: Rung | None, accuracy: float, cheapest: float) -> bool:
-    """True if the run ``good`` is too slow to win, and so are coarser runs that might meet the accuracy.
-
-    ``good`` is the coarsest run that meets the accuracy, ``bad`` the finest coarser one that misses it, or None;
-    ``cheapest`` is the time in seconds of the cheapest candidate so far.
-    """
+    """True if the run ``good`` is too slow to win, and so are coarser runs that might meet the accuracy."""
     if good.tol is not None:
         return bad is not None and good.seconds > WORTH * cheapest
     gap = inf if bad is None else good.steps / bad.steps
@@ -154,10 +147,6 @@ def _slope(trial: Trial) -> float | None:
 
 
 def _next(trial: Trial, accuracy: float, good: Rung | None, bad: Rung | None) -> float | None:
-    """The next number of steps or tolerance to try; None if there is none.
-
-    ``good`` is the coarsest run that meets the accuracy, ``bad`` the finest coarser one that misses it.
-    """
     adaptive = trial.integrator.adaptive
     if good is None:
         return _size_at(trial, _finer(trial, accuracy))
@@ -168,11 +157,7 @@ def _next(trial: Trial, accuracy: float, good: Rung | None, bad: Rung | None) ->
 
 
 def _finer(trial: Trial, accuracy: float) -> float:
-    """The next fineness (steps or 1 / tolerance) while no run meets the accuracy, extrapolated from the finest run.
-
-    If a run of that fineness or less has timed out, the result is half way, in logarithms, between the coarsest run
-    that timed out and the finest of the runs coarser than that.
-    """
+    """The next fineness while no run meets the accuracy, extrapolated from the finest run; short of those timed out."""
     stopped = min((r.fineness for r in trial.sorted_rungs if r.status == TIMEOUT), default=inf)
     going = [r for r in trial.sorted_rungs if r.fineness < stopped]
     finest, factor = stopped / JUMP**2, 4.0
@@ -186,10 +171,6 @@ def _finer(trial: Trial, accuracy: float) -> float:
 
 
 def _size_at(trial: Trial, fineness: float) -> float | None:
-    """The size of a run with a given fineness: a number of steps, or the tolerance 1 / fineness.
-
-    None if the tolerance would be the least that the integrator accepts, and that was already run.
-    """
     if not trial.integrator.adaptive:
         return trial.task.quantity.steps(min(max(fineness, 1.0), MOST))
     least, tightest = trial.integrator.record.least, min(trial.rungs)
@@ -198,10 +179,7 @@ def _size_at(trial: Trial, fineness: float) -> float | None:
 
 
 def _hopeless(trial: Trial, accuracy: float, cheapest: float, fails: int) -> str:
-    """The reason why a candidate that has not met the accuracy will not win, or "" if it may.
-
-    ``cheapest`` is the time in seconds of the cheapest candidate so far, ``fails`` the number of runs that failed.
-    """
+    """The reason why a candidate that has not met the accuracy will not win, or "" if it may."""
     if fails >= FAILURES:
         return f"breaks at every step that was tried ({trial.failure()})"
     adaptive, told = trial.integrator.adaptive, [r for r in trial.sorted_rungs if r.ok]

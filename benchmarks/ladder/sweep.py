@@ -54,16 +54,7 @@ HANDFUL = ("explicit-euler", "stormer-verlet", "rk4", "pefrl", "implicit-midpoin
 
 @dataclass(frozen=True)
 class Task:
-    """One row to be measured, as data that can be sent to another process.
-
-    Attributes
-    ----------
-    scene : id of the scene (a problem, a time span and steps)
-    method : id of the method or peer (another package's integrator)
-    parameters : the method's parameters, as pairs of name and value
-    h, tol : the step, or the tolerance of an adaptive peer; the other is None
-    quick : True if it belongs to a quick run
-    """
+    """One row to be measured, as data that can be sent to another process; of h and tol one is None."""
 
     scene: str
     method: str

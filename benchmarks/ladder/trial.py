@@ -29,12 +29,8 @@ MOST = 10_000_000
 class Trial:
     """The runs of an integrator on a task (problem, span, quantity), by number of steps or tolerance.
 
-    Attributes
-    ----------
-    integrator, task : the integrator, and what it has to compute
-    longest : the time limit of a run in seconds: a method of this project is stopped then, and an integrator that
-        takes longer without meeting the accuracy is given up
-    rungs : the runs so far, by number of steps or tolerance
+    ``longest`` is the time limit of a run in seconds: a method of this project is stopped then, and an integrator that
+    takes longer without meeting the accuracy is given up.
     """
 
     integrator: Integrator
@@ -45,7 +41,7 @@ class Trial:
     def at(self, number: float, cheapest: float = inf) -> Rung:
         """Run the integrator with ``number`` steps or tolerance, or return the earlier run.
 
-        ``cheapest`` is the time in seconds of the best other candidate: a run that is much slower is not timed again.
+        A run that is much slower than ``cheapest`` seconds is not timed again.
         """
         if not self.integrator.adaptive:
             number = self.task.quantity.steps(number)
@@ -63,10 +59,7 @@ class Trial:
 
     @property
     def scale(self) -> float:
-        """The size of the quantity, to which round-off is compared: its true value's largest component in modulus.
-
-        At least 1 for a conserved quantity, whose errors are relative.
-        """
+        """The size of the quantity, to which round-off is compared; at least 1 for a conserved one."""
         values = self.task.truth.values
         size = float(np.abs(values).max()) if len(values) else 0.0
         return max(size, 1.0 if self.task.quantity.kept else 0.0)
@@ -90,10 +83,7 @@ class Trial:
         return self.task.seconds(self.integrator, rung.size)
 
     def pilot(self, number: float) -> float:
-        """Estimate the seconds of a run of ``number`` steps or tolerance, from a run over the share `PART` of the span.
-
-        It is 0 if no estimate is needed, since a time limit can stop the run, and if the short run fails.
-        """
+        """Estimate the seconds of a run from one over the share `PART` of the span; 0 where that is no use."""
         if self.integrator.stoppable:
             return 0.0
         part = {"tol": number} if self.integrator.adaptive else {"steps": max(1, round(number * PART))}
