@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phasebench.benchmarks.ladder.final import rounds
+from phasebench.benchmarks.ladder.race import rounds
 from phasebench.benchmarks.ladder.search import search
 from phasebench.benchmarks.ladder.trial import Trial
 from phasebench.benchmarks.measure.clock import Sharing

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from math import inf, isfinite
 from typing import Any
 
-from phasebench.benchmarks.ladder.exact import REMARK, exact
 from phasebench.benchmarks.ladder.rung import Rung, Task
 from phasebench.benchmarks.ladder.search import LOOSEST, Found, best_within, search
-from phasebench.benchmarks.ladder.trial import Trial
+from phasebench.benchmarks.ladder.trial import REMARK, Trial, exact
 from phasebench.benchmarks.measure import conservation_claims
 from phasebench.benchmarks.measure.compilation import Failed, compilation_error
 from phasebench.benchmarks.measure.integrator import OURS, Integrator

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from phasebench.benchmarks.ladder.exact import exact
+from phasebench.benchmarks.ladder.trial import exact
 from phasebench.benchmarks.measure import conservation_claims
 from phasebench.benchmarks.measure.integrator import OURS, Integrator
 from phasebench.integrators.registry import METHODS

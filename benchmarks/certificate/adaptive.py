@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from phasebench.benchmarks.measure import own_step
@@ -19,16 +21,23 @@ KNOWN = 1e-12
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 
 
+def run(
+    subject: Subject, entry: Entry, system: own_step.System, state: Iterable, t_end: float, tol: float
+) -> np.ndarray:
+    """Run an adaptive integrator from the state (q, p) to the time t_end: array (2 d,); raises StepFailed."""
+    with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
+        pair = subject.run(system, *state, t_end, tol)
+    try:
+        return np.concatenate(own_step.check_pair(pair, system.d))
+    except InvalidInput as error:
+        raise StepFailed(str(error)) from None
+
+
 def end(subject: Subject, entry: Entry, y: np.ndarray, tol: float) -> tuple[np.ndarray, int]:
     """The state after `T_END` units of time, and the evaluations; raises StepFailed, or InputChanged."""
     system, d = own_step.System(entry.system), entry.system.d
     q, p = y[:d].copy(), y[d:].copy()
-    with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
-        pair = subject.run(system, q, p, T_END * entry.unit, tol)
-    try:
-        state = np.concatenate(own_step.check_pair(pair, d))
-    except InvalidInput as error:
-        raise StepFailed(str(error)) from None
+    state = run(subject, entry, system, (q, p), T_END * entry.unit, tol)
     if not (np.array_equal(q, y[:d]) and np.array_equal(p, y[d:])):
         raise InputChanged
     return state, sum(system.evaluations)

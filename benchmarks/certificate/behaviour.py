@@ -10,7 +10,7 @@ from phasebench.benchmarks.measure import linear_stability
 from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 
 from .battery import Entry, oscillator
-from .stepping import DIGITS, StepFailed, Stepper
+from .stepping import DIGITS, StepFailed, Stepper, numerical_failures
 from .structure import SMOOTH, smooth
 from .subject import Subject
 
@@ -147,13 +147,10 @@ def _stability(subject: Subject) -> dict:
         return {"on": entry.name, "reason": f"not measured: more than {DEAR} evaluations a step, and not claimed"}
 
     def matrix(z: float, steps: int = 1) -> np.ndarray | None:
-        try:
+        columns: list[np.ndarray] = []
+        with numerical_failures():
             columns = [stepper.run(unit, z, steps, every=steps) for unit in ((1.0, 0.0), (0.0, 1.0))]
-        except StepFailed as failure:
-            if not failure.numerical:
-                raise
-            return None
-        return np.array([c[-1] for c in columns]).T if all(len(c) == 2 for c in columns) else None
+        return np.array([c[-1] for c in columns]).T if [len(c) for c in columns] == [2, 2] else None
 
     one, two = matrix(0.5), matrix(0.5, 2)
     if one is None or two is None or not linear_stability.is_square(one, two):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -21,7 +20,7 @@ from phasebench.integrators.record import Method
 from phasebench.reference.peers import Peer
 
 from . import battery, limited
-from .measures import fill_tables
+from .measures import Run, fill_tables
 from .result import Certificate
 from .subject import subject
 
@@ -32,26 +31,11 @@ if TYPE_CHECKING:
     from .subject import Subject
 
 
-@dataclass
-class _Run:
-    """A certification in progress: the integrator's id, claims and requirements, and what was measured so far."""
-
-    id: str
-    claims: Mapping[str, Any]
-    requires: tuple[str, ...]
-    seed: int
-    alone: bool
-    tables: Tables
-    where: str = ""
-    doubles: str = ""
-    seconds: float = 0.0
-
-    def certificate(self, times: list[dict]) -> Certificate:
-        found = judge.judgements(self.claims, self.tables)
-        offers = [] if self.alone or judge.gross_failure(found) else judge.offers(self.claims, self.tables)
-        verdict = judge.verdict(found)
-        rest = (self.tables, self.doubles, self.requires, self.seed, self.seconds, times)
-        return Certificate(self.id, found, offers, verdict, *rest)
+def _certificate(run: Run, times: list[dict]) -> Certificate:
+    found = judge.judgements(run.claims, run.tables)
+    offers = [] if run.alone or judge.gross_failure(found) else judge.offers(run.claims, run.tables)
+    rest = (run.tables, run.doubles, run.requires, run.seed, run.seconds, times)
+    return Certificate(run.id, found, offers, judge.verdict(found), *rest)
 
 
 def certify(
@@ -71,9 +55,9 @@ def certify(
     failures of the integrator itself are stated in the certificate.
     """
     began = time.perf_counter()
-    run = _Run(str(getattr(target, "__name__", target)), dict(claims or {}), tuple(requires), seed, alone, Tables())
+    run = Run(str(getattr(target, "__name__", target)), dict(claims or {}), tuple(requires), seed, alone, Tables())
 
-    def measure(tell: Callable[[str], None], checkpoint: Callable[[_Run], None] = lambda run: None) -> Certificate:
+    def measure(tell: Callable[[str], None], checkpoint: Callable[[Run], None] = lambda run: None) -> Certificate:
         doing = "the start"
 
         def telling(what: str) -> None:
@@ -93,14 +77,14 @@ def certify(
             limited.quiet()
             run.tables.failed["time"] = limited.time_over_message(time_limit or 0.0, over.places, run.where, doing)
         run.seconds = time.perf_counter() - began
-        return run.certificate(times)
+        return _certificate(run, times)
 
-    def incomplete(last: _Run | None, doing: str, why: str | Sequence[tuple[str, int]], over: bool) -> Certificate:
+    def incomplete(last: Run | None, doing: str, why: str | Sequence[tuple[str, int]], over: bool) -> Certificate:
         last = last or run
         text = limited.time_over_message(time_limit or 0.0, why, last.where, doing) if over else why
         last.tables.failed["time" if over else "raised"] = text
         last.seconds = time.perf_counter() - began
-        return last.certificate([])
+        return _certificate(last, [])
 
     tell = progress or (lambda what: None)
     problems = tuple(problems)

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from phasebench.benchmarks.ladder.bracket import evaluations_for
-from phasebench.benchmarks.problems.questions import BY_ID, Question
 from phasebench.benchmarks.store.shipped import ShippedTable
 from phasebench.integrators.driver import OK
 from phasebench.integrators.registry import BY_ID as METHODS
@@ -66,8 +65,3 @@ def parse(lines: list[dict[str, str]]) -> dict[str, dict[float, Cheapest]]:
 
 
 TABLE = ShippedTable(Path(__file__).with_name("fronts.csv"), build, parse)
-
-
-def question(scene: str) -> Question:
-    """The scene with this id, as a `Question`: its problem, span and the quantity whose error counts."""
-    return BY_ID[scene]

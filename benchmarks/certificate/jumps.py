@@ -15,7 +15,7 @@ import numpy as np
 from phasebench.benchmarks.judge.evidence import EPS
 
 from .battery import Entry, time_unit
-from .stepping import StepFailed, Stepper
+from .stepping import Stepper, numerical_failures
 from .structure import DISPLACEMENT, ROUNDED
 from .subject import Subject
 
@@ -93,12 +93,9 @@ def _images(stepper: Stepper, path: Callable, t: np.ndarray, h: float) -> np.nda
     """States after a step h from path(t) for each t, in units of their sizes, up to the first step that fails."""
     rows = []
     for x in t:
-        try:
+        end = np.nan
+        with numerical_failures():
             end = stepper(path(x), h)
-        except StepFailed as failure:
-            if not failure.numerical:
-                raise
-            break
         if not np.isfinite(end).all():
             break
         rows.append(end / stepper.entry.sizes)

@@ -31,7 +31,7 @@ from phasebench.benchmarks.measure.coefficients import DIGITS_EXPLAIN
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number, vector
 
 from .battery import LADDER, SPAN, Entry
-from .stepping import DIGITS, LastDigits, StepFailed, Stepper
+from .stepping import DIGITS, LastDigits, Stepper, numerical_failures
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Number
@@ -143,12 +143,9 @@ def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.n
         numbers = rungs(stepper)
         for n in numbers:
             h = float(span / n) if double else to_number(span / n, MULTIPRECISION)
-            try:
+            rows = ()
+            with numerical_failures():
                 rows = stepper.run(entry.start(seed), h, n, every=n)
-            except StepFailed as failure:
-                if not failure.numerical:
-                    raise
-                rows = ()
             away.append(((rows[-1] - truth) / sizes).astype(float) if len(rows) == 2 else np.full(len(truth), np.nan))
     noise = max(noise, ROUNDINGS * stepper.subject.eps if double else 10 * float(doubt) / float(sizes.min()))
     return np.array([float(span / n) for n in numbers]), np.array(away), noise
@@ -249,12 +246,9 @@ def constant(stepper: Stepper, seed: int, found: metrics.Order) -> dict:
     least = max(1, round(found.value)) if found.points else 1
     h, left = [], []
     for step in FIT:
-        try:
+        end = np.nan
+        with numerical_failures():
             end = stepper(y, step * entry.unit)
-        except StepFailed as failure:
-            if not failure.numerical:
-                raise
-            continue
         if np.isfinite(end).all():
             h.append(step)
             truth = flow(entry, seed, step * entry.unit, 1)[0].astype(float)

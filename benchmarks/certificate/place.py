@@ -17,12 +17,13 @@ from phasebench.benchmarks.ladder.bracket import evaluations_for
 from phasebench.benchmarks.ladder.climb import climb, idle, numbers_of_steps, tolerances
 from phasebench.benchmarks.measure import own_step, truths
 from phasebench.benchmarks.measure.quantities import END_STATE
+from phasebench.benchmarks.problems.questions import BY_ID as QUESTIONS
+from phasebench.benchmarks.problems.questions import Question
 from phasebench.integrators.driver import OK
-from phasebench.integrators.errors import InvalidInput
 
-from . import fronts
+from . import adaptive, fronts
 from .battery import Entry
-from .stepping import StepFailed, Stepper, report_failures
+from .stepping import Stepper, numerical_failures
 from .subject import Subject
 
 if TYPE_CHECKING:
@@ -48,12 +49,16 @@ def scenes(subject: Subject) -> list[str]:
     """Return the ids of the first and the last stored scene (problem, span, quantity) that an integrator can run."""
     if set(subject.own.requires) & set(fronts.OTHER_WORK):
         return []
-    able = [
-        s
-        for s in fronts.SCENES
-        if s in fronts.TABLE.load() and subject.lacks(fronts.question(s).build_problem().system) is None
-    ]
+    stored = [scene for scene in fronts.SCENES if scene in fronts.TABLE.load()]
+    able = [scene for scene in stored if subject.lacks(scene_parts(scene)[1].system) is None]
     return able[:1] + able[1:][-1:]
+
+
+def scene_parts(scene: str) -> tuple[Question, Problem, Entry]:
+    """The question of a scene, its problem, and this as a system with its initial state."""
+    question = QUESTIONS[scene]
+    problem = question.build_problem()
+    return question, problem, Entry(scene, problem.system, (*problem.q0, *problem.p0))
 
 
 def place(subject: Subject, scene: str) -> dict:
@@ -62,9 +67,7 @@ def place(subject: Subject, scene: str) -> dict:
     ``curve`` are (evaluations, error) of the runs that reached the end, ``sizes`` their steps or tolerances; each of
     ``errors`` has the evaluations needed (None if it is not met), the fewest stored ones, and their ratio (``factor``).
     """
-    question = fronts.question(scene)
-    problem = question.build_problem()
-    entry = Entry(scene, problem.system, (*problem.q0, *problem.p0))
+    question, problem, entry = scene_parts(scene)
     truth = truths.truth(problem, END_STATE, question.t_end).values
     widest = max(1, round(question.t_end / (WIDEST * problem.pace.step)))
     sizes = tolerances(LOOSEST, TIGHTEST) if subject.adaptive else numbers_of_steps(widest, 2)
@@ -99,30 +102,19 @@ def run_subject(
 def own(subject: Subject, entry: Entry, problem: Problem, t_end: float, steps: int) -> tuple[float, np.ndarray | None]:
     """Run a user's step, as `run_subject`."""
     stepper = Stepper(subject, entry)
-    try:
+    rows = ()
+    with numerical_failures():
         rows = stepper.run(np.array(entry.state), t_end / steps, steps, every=steps)
-    except StepFailed as failure:
-        if not failure.numerical:
-            raise
-        rows = ()
     return float(max(stepper.system.evaluations)), rows[-1] if len(rows) == 2 else None
 
 
 def _tolerance(
     subject: Subject, entry: Entry, problem: Problem, t_end: float, tol: float
 ) -> tuple[float, np.ndarray | None]:
-    system, y, d = own_step.System(entry.system), np.array(entry.state), entry.system.d
-    try:
-        with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
-            pair = subject.run(system, y[:d], y[d:], t_end, tol)
-    except StepFailed as failure:
-        if not failure.numerical:
-            raise
-        return float(max(system.evaluations)), None
-    try:
-        return float(max(system.evaluations)), np.concatenate(own_step.check_pair(pair, d))
-    except InvalidInput as error:
-        raise StepFailed(str(error)) from None
+    system, state = own_step.System(entry.system), None
+    with numerical_failures():
+        state = adaptive.run(subject, entry, system, np.split(np.array(entry.state), 2), t_end, tol)
+    return float(max(system.evaluations)), state
 
 
 def _run_registered(

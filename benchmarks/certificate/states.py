@@ -17,7 +17,7 @@ from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, preci
 
 from .battery import Entry, time_unit
 from .order import flow
-from .stepping import DIGITS, StepFailed, Stepper
+from .stepping import DIGITS, Stepper, numerical_failures
 from .subject import Subject
 
 #: Pairs of sizes of (q, p), dealt out to the systems in turn.
@@ -82,11 +82,10 @@ def _row(subject: Subject, entry: Entry, seed: int, arithmetic: str) -> dict:
 
 
 def _error(stepper: Stepper, entry: Entry, seed: int, y: np.ndarray, h: float) -> tuple[float, np.ndarray | None]:
-    try:
+    end = None
+    with numerical_failures():
         end = stepper(stepper.state(y), to_number(h, stepper.arithmetic))
-    except StepFailed as failure:
-        if not failure.numerical:
-            raise
+    if end is None:
         return float("nan"), None
     truth = flow(entry, seed, h, 1)[0]
     if stepper.arithmetic == DOUBLE:
@@ -95,11 +94,8 @@ def _error(stepper: Stepper, entry: Entry, seed: int, y: np.ndarray, h: float) -
 
 
 def _distance(double: Stepper, entry: Entry, y: np.ndarray, h: float, end: np.ndarray) -> float:
-    try:
+    other = np.inf
+    with numerical_failures():
         other = double(y, h)
-    except StepFailed as failure:
-        if not failure.numerical:
-            raise
-        return float("inf")
     away = np.abs((other - end.astype(float)) / entry.sizes).max() / np.abs(end.astype(float) / entry.sizes).max()
     return float(away) if np.isfinite(away) else float("inf")

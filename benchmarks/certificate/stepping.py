@@ -199,6 +199,16 @@ class LastDigits(Stepper):
 
 
 @contextlib.contextmanager
+def numerical_failures() -> Iterator[None]:
+    """Suppress a StepFailed that is numerical, no bug."""
+    try:
+        yield
+    except StepFailed as failure:
+        if not failure.numerical:
+            raise
+
+
+@contextlib.contextmanager
 def report_failures(subject: Subject, what: str) -> Iterator[None]:
     """Turn exceptions of the user's code, in ``what`` is done here, into StepFailed; send its prints to stderr."""
     try:

@@ -21,10 +21,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import groupby
 from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.ladder.race import REFERENCE
 from phasebench.benchmarks.measure import timing
 from phasebench.benchmarks.measure.compilation import Failed, NotCompiled, failure_summary, naming
@@ -34,8 +36,7 @@ from phasebench.integrators.prepared import prepare
 from phasebench.integrators.record import Method
 
 from . import fronts
-from .battery import Entry
-from .place import own
+from .place import own, scene_parts
 from .subject import Subject, subject
 
 if TYPE_CHECKING:
@@ -52,6 +53,8 @@ SHORT = 1000
 STEPS = 50
 #: A ratio whose interval is wider than this factor is not reported.
 WIDE = 2.0
+#: What a cell says if no run was accurate enough, and if runs that should be equal took too different times.
+NOT_MET, VARIES = "not met", "varies"
 
 
 class Fastest(NamedTuple):
@@ -137,9 +140,7 @@ def time_subject(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict
     known, met = TABLE.load().get(row["on"]), [e for e in row["errors"] if e["evaluations"] is not None]
     if known is None or not met or not min(x for x, _ in row["curve"]) > 0:
         return None
-    question = fronts.question(row["on"])
-    problem = question.build_problem()
-    entry = Entry(row["on"], problem.system, (*problem.q0, *problem.p0))
+    question, problem, entry = scene_parts(row["on"])
     called = chosen.integrator is None
     short = [k for k, (x, _) in enumerate(row["curve"]) if x <= SHORT or not called]
     k = max(short, key=lambda k: row["curve"][k][0]) if short else 0
@@ -222,6 +223,62 @@ def times_row(
         price = timing.ratio(seconds["python"] / (4 * STEPS), seconds["reference"] / known.evaluations)
         out["python"] = price._asdict()
     return out
+
+
+# -- as text -----------------------------------------------------------------------------------------------------------
+
+
+def cost_rows(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return an integrator's costs over those of the cheapest stored one: a row per scene (problem and span) and error.
+
+    ``times`` are rows of `times_row`.  A cost is None if the error is not met, or no time was measured;
+    ``varies`` is True where the measured times do so by more than the factor `WIDE`.
+    """
+    timed = {t["on"]: t["errors"] for t in times if t["errors"]}
+    rows = []
+    for place in tables.of("place"):
+        errors = timed.get(place["on"], [])
+        factors = {e["error"]: e["factor"] for e in errors}
+        varies = any(e["high"] > WIDE * e["low"] for e in errors[:1])
+        for e in place["errors"]:
+            time = None if varies else factors.get(e["error"])
+            row = {"scene": place["on"], "error": e["error"], "evaluations": e["factor"], "time": time}
+            rows.append(row | {"varies": varies and e["error"] in factors})
+    return rows
+
+
+def format_costs(tables: Tables, times: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Format `cost_rows` as lines of text; those of a scene end at the first error that is not met."""
+    times, rows = list(times), []
+    for _, scene in groupby(cost_rows(tables, times), key=lambda row: row["scene"]):
+        of = list(scene)
+        missed = next((k for k, row in enumerate(of) if row["evaluations"] is None), len(of))
+        rows += of[: missed + 1]
+    if not rows:
+        return []
+    wide = max(len(r["scene"]) for r in rows)
+    lines = ["gradient evaluations and time, relative to the cheapest stored integrator at the same error:"]
+    lines.append(f"  {'scene':{wide}}  error  evaluations  time".rstrip())
+    for r in rows:
+        time = VARIES if r["varies"] else "" if r["time"] is None else f"{count(r['time'])} times"
+        evaluations = NOT_MET if r["evaluations"] is None else f"{r['evaluations']:.2g} times"
+        lines.append(f"  {r['scene']:{wide}}  {r['error']:.0e}  {evaluations:11}  {time}".rstrip())
+    if any(r["time"] is not None for r in rows):
+        lines.append(f"time is known to a factor of 2, by way of {REFERENCE}, timed here and when the others were")
+    prices = {t["on"]: t["python"] for t in times if t["python"] is not None and t["errors"]}
+    for on, price in prices.items():
+        if price["high"] > WIDE * price["low"]:
+            lines.append(f"time on {on} includes Python's calls")
+        else:
+            cost = f"{count(price['value'])} times as long as compiled"
+            lines.append(f"on {on} a gradient called from Python takes {cost}")
+    return lines
+
+
+def count(x: float) -> str:
+    """Format a factor with two significant digits and without an exponent."""
+    rounded = float(f"{x:.2g}")
+    return f"{rounded:.0f}" if rounded >= 100 else f"{x:.2g}"
 
 
 def failures(times: Iterable[Mapping[str, Any]]) -> str:

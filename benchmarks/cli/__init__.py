@@ -40,14 +40,7 @@ ENDINGS = ("Every run ends with a status:", *(f"{name}: {s.meaning}" for name, s
 
 
 class Entry(NamedTuple):
-    """A command of the command line.
-
-    Attributes
-    ----------
-    run : the function, whose signature typer reads and whose docstring is the help
-    example : the arguments of an example, shown in the help
-    notes : lines of the help above the example
-    """
+    """A command: its function, whose docstring is the help, the arguments of an example, and notes above this."""
 
     run: Callable[..., None]
     example: str

@@ -125,10 +125,6 @@ def _words(
     constraints: Sequence[str] = (),
     parts: Sequence[str] = (),
 ) -> list[str]:
-    """Return the command-line arguments that state the problem, as the user gave them, for commands to be pasted.
-
-    The first is the problem's name, if it has one; options such as ``--set e=0.2`` follow, two words each.
-    """
     from phasebench.benchmarks.problems import file_and_orbit
 
     own = problem is not None and (hamiltonian is not None or file_and_orbit(problem)[0] is not None)
@@ -177,11 +173,7 @@ def _print(answer: dict[str, Any], why: bool = False) -> None:
 
 
 def _roles(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """Return the printed rows of an answer as pairs (text of the roles such as "choice, own", dict of the integration).
-
-    The choice comes first; the others are sorted by time or, if a time budget was given instead of an accuracy, by
-    error; the best at a tenth of the accuracy comes last.
-    """
+    """The printed rows of an answer: (text of the roles such as "choice, own", the integration), the choice first."""
     seen: dict[str, list[str]] = {}
     rows = {}
     named = [(role, answer[role]) for role in ("choice", "own", "peer", "runner_up")]
@@ -198,10 +190,6 @@ def _roles(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _line(role: str, c: dict[str, Any], orbit: bool) -> dict[str, str]:
-    """A row of the printed table: one integration ``c``, as texts by column, with its role in the last column.
-
-    With ``orbit`` there is a column for the error of the end state.
-    """
     off = c.get("end_state_error")
     size = f"tol {c['tol']:.3g}" if "tol" in c else f"h {c['h']:.4g}"
     return {
@@ -215,10 +203,7 @@ def _line(role: str, c: dict[str, Any], orbit: bool) -> dict[str, str]:
 
 
 def can_be_installed(candidate: dict[str, str]) -> bool:
-    """True unless the package of a dropped peer (an integrator of another package) needs a newer Python than this one.
-
-    ``candidate`` has the peer's id as ``integrator``.
-    """
+    """True unless the package of a dropped peer needs a newer Python than this one."""
     from phasebench.reference.peers.record import older_python
     from phasebench.reference.peers.registry import BY_ID
 
@@ -226,11 +211,7 @@ def can_be_installed(candidate: dict[str, str]) -> bool:
 
 
 def _dropped(dropped: list[dict[str, str]], each: bool) -> None:
-    """Print how many integrators were dropped for which kind of reason, and list some of them with their reasons.
-
-    ``dropped`` has a dict for each, with its id (``integrator``) and its reason (``why``).  All are listed if ``each``,
-    else the first `REASONS` of those that were run and failed or were too slow.
-    """
+    """Print how many integrators were dropped for which kind of reason, and ``each``, or some, with its reason."""
     kinds = Counter(_kind(d["why"]) for d in dropped)
     text = ", ".join(f"{n} {kind}" for kind, n in kinds.most_common())
     if text:
@@ -255,7 +236,6 @@ def _dropped(dropped: list[dict[str, str]], each: bool) -> None:
 
 
 def _kind(why: str) -> str:
-    """The class of a reason why an integrator was dropped, such as "too slow", by the text of the reason."""
     if why.startswith("not tried"):
         return "not tried (dearer where measured, or no time)"
     if why.startswith("too slow"):

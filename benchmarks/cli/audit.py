@@ -71,11 +71,7 @@ def _own_steps_are_validated(names: list[str]) -> None:
 
 
 def _stated(packages: set[str], progress: Callable[[str], None]) -> list[dict]:
-    """Run the scripts that test statements in these packages' documentation; return a row (a dict) per statement.
-
-    A row has the statement (``said``) and its ``verdict``.  If a script cannot run on this machine, its statements are
-    not judged, and their rows tell the ``reason``.
-    """
+    """Run the scripts that test statements in these packages' documentation; return a row per statement."""
     from phasebench.benchmarks.studies.audit import statements
 
     rows = []
@@ -87,11 +83,7 @@ def _stated(packages: set[str], progress: Callable[[str], None]) -> list[dict]:
 
 
 def _check_tables(packages: list[str], tell: Callable[[str], None]) -> list[dict]:
-    """Check the coefficient tables transcribed from the sources of these packages, or of all if none is named.
-
-    Returns a row for each table: the order of the method by the order conditions, how many digits of the coefficients
-    are right, and what the package states.
-    """
+    """Check the coefficient tables transcribed from the sources of these packages, or of all if none is named."""
     from phasebench.benchmarks.studies.catalogue.tables import check, read
 
     known = {package.casefold(): package for package, _ in read()}
@@ -108,7 +100,6 @@ def _check_tables(packages: list[str], tell: Callable[[str], None]) -> list[dict
 
 
 def _show_tables(rows: list[dict]) -> None:
-    """Print one line for each checked table."""
     columns = ["package", "name", "stated order", "named order", "order", "digits printed", "digits that hold", "kind"]
     texts = [{c: "" if r[c] is None else str(r[c]) for c in columns} for r in rows]
     print_table(f"{len(rows)} tables; the order is by the order conditions", texts)

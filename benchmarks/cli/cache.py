@@ -73,10 +73,7 @@ def _print(state: dict) -> None:
 
 
 def tasks() -> list[tuple[str, int, tuple[str, ...]]]:
-    """Return the compilations that --build makes: (family of methods, degrees of freedom d, problems of that d).
-
-    No two of them share a compiled kernel, so that processes can do them in parallel.
-    """
+    """The compilations of --build: (family, degrees of freedom d, problems of that d); no two share a kernel."""
     from phasebench.benchmarks.problems import PROBLEMS, problem
     from phasebench.integrators import METHODS
 
@@ -88,10 +85,7 @@ def tasks() -> list[tuple[str, int, tuple[str, ...]]]:
 
 
 def made(task: tuple[str, int, tuple[str, ...]]) -> tuple[int, list[str]]:
-    """Compile the kernels of a family of methods, and the functions they call, for the problems of a task of `tasks`.
-
-    Returns (number of methods compiled for problems, texts of the failures).
-    """
+    """Compile a task of `tasks`; return (number of methods compiled for problems, texts of the failures)."""
     from phasebench.benchmarks.problems import problem
     from phasebench.integrators import METHODS
     from phasebench.integrators.driver import warm
@@ -112,11 +106,6 @@ def made(task: tuple[str, int, tuple[str, ...]]) -> tuple[int, list[str]]:
 
 
 def _build(jobs: int, shown: bool) -> list[str]:
-    """Compile all methods for all problems in parallel processes; return a list of texts, one for each failure.
-
-    ``jobs`` is the number of processes, 0 for as many as there are cores; ``shown`` asks for a progress bar, and for a
-    line that says how long it took.
-    """
     from rich.progress import track
 
     failures: list[str] = []

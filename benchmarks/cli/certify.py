@@ -56,10 +56,6 @@ def certify(
 
 
 def _stored(wanted: list[str], update: bool, as_json: bool) -> bool:
-    """Recheck the stored reference states of the problems ``wanted`` and print the outcome.
-
-    With ``update`` they are computed anew and stored.  Returns True if all hold and the solvers agree.
-    """
     outcomes = _renewed(wanted, update)
     if as_json:
         rows = [o.row() for o in outcomes]
@@ -70,10 +66,6 @@ def _stored(wanted: list[str], update: bool, as_json: bool) -> bool:
 
 
 def _renewed(wanted: list[str], update: bool) -> list[Outcome]:
-    """Recheck the stored reference states of the problems ``wanted``, with a progress bar; return their outcomes.
-
-    With ``update`` they are computed anew and stored.
-    """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     from phasebench.benchmarks.measure.certify import recheck
@@ -115,11 +107,6 @@ def _print_table(outcomes: list[Outcome], update: bool) -> None:
 
 
 def _one(name: str, end: str, time_limit: float, as_json: bool) -> bool:
-    """Certify the state of the problem ``name`` at the time ``end`` and print it, as JSON if ``as_json``.
-
-    Returns True if the solvers that check the reference solver agree with it.  Raises InvalidInput unless ``end`` and
-    ``time_limit`` (seconds) are positive.
-    """
     from phasebench.benchmarks.measure.certify import certify_end
     from phasebench.benchmarks.problems import problem
 
@@ -169,7 +156,6 @@ def _state(made: Problem, new: Certificate) -> dict[str, object]:
 
 
 def _lines(made: Problem, new: Certificate) -> list[str]:
-    """A certified state as lines of text."""
     from phasebench.benchmarks.page.markdown import number
 
     (end,) = new.ends

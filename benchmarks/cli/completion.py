@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 
 def problems(incomplete: str) -> list[str]:
-    """Return the names of problems, and problem:orbit, that begin with the text typed so far."""
+    """The names of problems, and problem:orbit, that begin with the text typed so far."""
     from phasebench.benchmarks.problems import PROBLEMS
 
     orbits = [f"{name}:{orbit}" for name, (_, _, orbits) in PROBLEMS.items() for orbit in orbits]
@@ -14,7 +14,7 @@ def problems(incomplete: str) -> list[str]:
 
 
 def methods(incomplete: str) -> list[str]:
-    """Return the ids of methods that begin with the text typed so far."""
+    """The ids of methods that begin with the text typed so far."""
     from phasebench.integrators.registry import BY_ID
 
     return _matches(BY_ID, incomplete)

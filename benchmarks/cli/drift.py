@@ -102,7 +102,6 @@ def _name(path: Path, columns: Columns, wanted: str | None, usual: tuple[str, ..
 
 
 def _column(path: Path, columns: Columns, name: str) -> list[float]:
-    """The numbers of a column; raises InvalidInput for text that is no number."""
     numbers = []
     for row, text in enumerate(columns[name], 1):
         try:

@@ -1,7 +1,4 @@
-"""``elsewhere``: compare results of integrators in other languages, run on another machine, with this suite's methods.
-
-The results come as a CSV file, a row for each run.
-"""
+"""``elsewhere``: compare results of integrators in other languages, run elsewhere, with this suite's methods."""
 
 from __future__ import annotations
 
@@ -37,10 +34,6 @@ def elsewhere(
 
 
 def _line(row: dict) -> dict[str, str]:
-    """A row of the printed table as texts by column: method, step or tolerance, evaluations, errors, uncertainty.
-
-    The uncertainty is that of the reference, from which the error is computed.
-    """
     step = f"h = {row['h']:.6g}" if row.get("h") is not None else f"tol = {row['tol']:.3g}"
     numbers = {name: row[name] for name in ("error", "uncertainty", "energy_error")}
     told = {name.replace("_", " "): "-" if x is None else f"{x:.3g}" for name, x in numbers.items()}

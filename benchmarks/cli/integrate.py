@@ -1,9 +1,4 @@
-"""``integrate``: integrate one problem with one method, peer or user's step, and report how it went.
-
-A peer is an integrator of another package.  The problem is a registered one, a user's file, or a formula of H.  A
-single run gives everything: the errors of energy and invariants after every step, the rows to be written, and the end
-state, whose error is reported.
-"""
+"""``integrate``: integrate one problem with one method, peer or user's step, and report how it went."""
 
 from __future__ import annotations
 
@@ -136,11 +131,7 @@ def made(
     constraints: Sequence[str] = (),
     parts: Sequence[str] = (),
 ) -> Problem:
-    """Return the problem called ``name``, or the one of the formula ``hamiltonian``; ``name`` is then its label.
-
-    ``parameters`` are values of the problem's parameters; ``constraints`` (g(q) = 0) and ``parts`` (of H, with exact
-    flows) are formulas that go with ``hamiltonian``.
-    """
+    """The problem called ``name``, or the one of the formula ``hamiltonian``; ``name`` is then its label."""
     from phasebench.benchmarks.problems import PROBLEMS, file_and_orbit, problem
 
     if hamiltonian is None:
@@ -156,7 +147,6 @@ def made(
 
 
 def _check_order(problem: str | None, method: str | None) -> None:
-    """Raise InvalidInput if method and problem are given in the wrong order."""
     from phasebench.benchmarks.problems import PROBLEMS
 
     if method is None or method.partition(":")[0] not in PROBLEMS:
@@ -169,24 +159,14 @@ def _check_order(problem: str | None, method: str | None) -> None:
 
 
 def _label(word: str) -> tuple[str | None, str | None]:
-    """Return (label, method) from the only word given besides a formula of H; one of the two is None.
-
-    The word is a label for the formula's problem if it is the name of a known problem, else it names the method.
-    """
+    """(Label, method) from the only word given besides a formula of H: a label if it is the name of a known problem."""
     from phasebench.benchmarks.problems import PROBLEMS
 
     return (word, None) if word.partition(":")[0] in PROBLEMS else (None, word)
 
 
 class Wanted(NamedTuple):
-    """The outputs requested besides the end state.
-
-    Attributes
-    ----------
-    error : whether to report the error of the end state
-    quantity : the quantity whose error to report, or None
-    output, every : the file for the trajectory, or None; it gets every Nth row
-    """
+    """The outputs requested besides the end state: its error, a quantity's, the trajectory's file and every Nth row."""
 
     error: bool
     quantity: str | None
@@ -195,7 +175,6 @@ class Wanted(NamedTuple):
 
 
 def _check_output(output: Path | None, every: int) -> None:
-    """Raise InvalidInput if the trajectory could not be written, before anything is integrated."""
     if every < 1:
         raise InvalidInput(f"--every is {every}; it must be a positive integer")
     if output is None and every > 1:
@@ -207,10 +186,6 @@ def _check_output(output: Path | None, every: int) -> None:
 def _integrated(
     problem: Problem, integrator: Integrator, wanted: Wanted, tol: float | None, time_limit: float | None, **common: Any
 ) -> dict[str, Any]:
-    """Integrate, and return the result as a JSON object (dict) with the requested outputs.
-
-    ``common`` are the arguments h, t_end, steps, t0, q0 and p0 of the run.
-    """
     if time_limit is not None and not integrator.stoppable:
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --time-limit")
     from phasebench.benchmarks.measure import every_step
@@ -237,12 +212,7 @@ def _integrated(
 def _errors(
     problem: Problem, integrator: Integrator, solution: Solution, wanted: Wanted, tol: float | None, common: dict
 ) -> dict[str, Any]:
-    """The error of the end state, and that of the quantity ``wanted.quantity`` if there is one, as a dict.
-
-    They become entries of the command's JSON object.  ``common`` are the arguments h, t_end, steps, t0, q0 and p0 of
-    the run that gave the ``solution``.  The end state's is left out, and the reference says so, unless it was asked for
-    and the quantity is not a conserved one.
-    """
+    """The errors of the end state, unless not asked for or the quantity is conserved, and of the quantity."""
     from phasebench.benchmarks.measure import global_error as against
     from phasebench.benchmarks.measure.named_quantities import quantity
     from phasebench.reference.solvers.watch import watching
@@ -264,10 +234,6 @@ def _errors(
 
 
 def _result(problem: Problem, solution: Solution, extremes: Extremes, parameters: dict[str, Any]) -> dict[str, Any]:
-    """The result of the command ``integrate`` as a JSON object (dict), without errors against a reference.
-
-    ``extremes`` has the errors of energy and invariants along the run; ``parameters`` are those of the integrator.
-    """
     from phasebench.benchmarks.measure.solution import stability_hint
 
     def error(extreme: Extreme) -> dict[str, float | None]:
@@ -339,10 +305,7 @@ def _print(result: dict[str, Any], t0: float) -> None:
 
 
 def _told(error: float | None, reference: dict[str, Any]) -> str:
-    """An error against a reference as text, with the uncertainty and the horizon (last time of use) of the reference.
-
-    If ``error`` is None, the text says why there is no reference.
-    """
+    """An error against a reference as text, with the uncertainty and the horizon, or why there is none."""
     if error is None:
         return f"none: {reference['reason']}"
     if not reference["uncertainty"]:

@@ -143,10 +143,6 @@ def list_(
 
 
 def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]:
-    """The rows that match all options; raises InvalidInput for an option or value that does not exist.
-
-    ``wanted`` maps the name of an option, which is also that of a column of ``rows``, to the value given.
-    """
     for name, value in wanted.items():
         if name not in rows[0] or (kind is Kind.problems and name == "problem"):
             raise InvalidInput(f"--{name} is no option of {kind.value}")
@@ -158,20 +154,14 @@ def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]
 
 
 def _values(cell: object) -> list:
-    """Return the values of an option that match a table cell: the cell itself, or its entries if it is a list.
-
-    An empty list is matched by "nothing", a text ``problem:orbit`` also by ``problem``.
-    """
+    """The values of an option that match a table cell; an empty list is matched by "nothing"."""
     if isinstance(cell, list):
         return cell or ["nothing"]
     return [cell, cell.partition(":")[0]] if isinstance(cell, str) else [cell]
 
 
 def _is(cell: object, value: object) -> bool:
-    """True if a table cell matches an option's value.
-
-    The cell of an option --installed is a package's version or None: True matches any version, False matches None.
-    """
+    """True if a table cell matches an option's value; --installed: a version, not None."""
     return (
         (cell is not None) == value
         if isinstance(value, bool) and not isinstance(cell, bool)
@@ -180,7 +170,6 @@ def _is(cell: object, value: object) -> bool:
 
 
 def _text(value: object) -> str:
-    """The text of a table cell."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list):

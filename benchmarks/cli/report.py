@@ -61,7 +61,6 @@ def report(
 
 @contextmanager
 def _written(folder: Path) -> Iterator[None]:
-    """Context manager: turn an OSError raised inside, while writing to the folder, into InvalidInput."""
     try:
         yield
     except OSError as error:

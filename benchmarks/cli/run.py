@@ -86,11 +86,7 @@ def run(
 
 
 def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
-    """The measurements (`Cell` objects) of the scenes and methods that are named, or of all.
-
-    A scene is a problem with a time span.  Scenes on which costs are compared (`questions`) are included if they are
-    named, and if neither scenes nor methods are named, but not with ``quick``.  Raises InvalidInput for unknown names.
-    """
+    """The cells of the scenes and methods that are named, or of all; scenes of the trade not with ``quick``."""
     from phasebench.benchmarks.ladder import sweep
     from phasebench.benchmarks.problems.questions import BY_ID as ASKED
     from phasebench.benchmarks.problems.questions import QUESTIONS
@@ -119,11 +115,7 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
 
 
 def _refuse_other_rows(output: Path, of_scenes: bool) -> None:
-    """Raise InvalidInput if the file ``output`` has rows of the other kind, which would be lost when it is overwritten.
-
-    The kinds are rows of scenes (problems with a time span), about to be written if ``of_scenes`` is True, and rows of
-    one problem.
-    """
+    """Raise InvalidInput if the file has rows of the other kind, which would be lost."""
     from phasebench.benchmarks.store import lines
 
     if lines.of_scenes(output) is (not of_scenes):
@@ -132,7 +124,6 @@ def _refuse_other_rows(output: Path, of_scenes: bool) -> None:
 
 
 def _tell_rows(rows: list[dict], output: Path) -> None:
-    """Print how many rows a file has by now, and how their runs ended."""
     ends = Counter(r["status"] for r in rows)
     told = f"{len(rows)} rows in {output}: " + ", ".join(f"{n} {s}" for s, n in ends.items())
     out.print(told, highlight=False, markup=False, soft_wrap=True)

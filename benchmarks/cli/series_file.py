@@ -15,10 +15,7 @@ UNIT = re.compile(r"\s*[(\[](?P<unit>[^)\]]*)[)\]]\s*$")
 
 
 def read(path: Path) -> Columns:
-    """Return the columns of a file as text, by name; raises InvalidInput if it cannot be read.
-
-    Columns without a name have their numbers, 1, 2, ..., as names.
-    """
+    """The columns of a file as text, by name, or number where they have none; raises InvalidInput."""
     try:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
         if not any(not line.startswith(("#", "@")) for line in lines):
@@ -58,7 +55,7 @@ def _table(path: Path, heads: list[str], rows: list[list[str]]) -> Columns:
 
 
 def _headed(path: Path, comments: list[list[str]], rows: list[list[str]]) -> Columns:
-    """Return the columns that the first row names or, if it has numbers, the last comment of as many words."""
+    """The columns that the first row names or, if it has numbers, the last comment of as many words."""
     if not _numeric(rows[0]):
         return _table(path, rows[0], rows[1:])
     named = [names for names in comments if len(names) == len(rows[0]) and not _numeric(names)]
@@ -71,7 +68,7 @@ def _csv(path: Path, lines: list[str]) -> Columns:
 
 
 def _blanks(path: Path, lines: list[str]) -> Columns:
-    """Return the columns of a table by blanks, or of all tables of a log that have the names of its longest one.
+    """The columns of a table by blanks, or of all tables of a log that have the names of its longest one.
 
     A line of a log is part of a table if it has a number for each of the names that stand last above it.
     """

@@ -30,10 +30,7 @@ PAUSE, LONGEST_PAUSE = 2.0, 60.0
 
 @contextmanager
 def invalid_input(report: Callable[[str], None] | None = None) -> Iterator[None]:
-    """Context manager: end the command with exit code 2 if an InvalidInput is raised inside.
-
-    ``report`` prints its message, by default on stderr.
-    """
+    """End the command with exit code 2 if an InvalidInput is raised inside; ``report`` prints its message."""
     try:
         yield
     except InvalidInput as error:
@@ -81,7 +78,7 @@ def compilation_shown(wanted: bool) -> Iterator[None]:
 
 @contextmanager
 def telling(what: str) -> Iterator[Callable[[str], None]]:
-    """Context manager that gives a function to show a line of progress, in a terminal's status line titled ``what``.
+    """Give a function to show a line of progress, in a terminal's status line titled ``what``.
 
     Without a terminal the lines are printed on stderr, more and more rarely.
     """
@@ -120,10 +117,7 @@ def width() -> int | None:
 
 
 def show(title: str, rows: list[dict[str, str]]) -> None:
-    """Print a table with as many columns as fit the width of the output, in their order; cut the last if need be.
-
-    ``rows`` are dicts of texts by column.
-    """
+    """Print a table with as many columns as fit the width of the output, in their order; cut the last if need be."""
     from rich.cells import cell_len, set_cell_size
 
     room = width()
@@ -153,10 +147,7 @@ def show(title: str, rows: list[dict[str, str]]) -> None:
 
 
 def check_file(path: Path, endings: tuple[str, ...]) -> None:
-    """Raise InvalidInput unless a file can be written to ``path`` and its name has one of the ``endings``.
-
-    Commands call it before anything is measured.
-    """
+    """Raise InvalidInput unless a file can be written to ``path`` and its name has one of the ``endings``."""
     if path.suffix.lower() not in endings:
         *others, last = endings
         kinds = f"{', '.join(others)} or {last}" if others else last

@@ -105,7 +105,6 @@ def _value(text: str) -> Any:
 
 def _print(found: Certificate, output: Path | None) -> None:
     from phasebench.benchmarks.certificate import times
-    from phasebench.benchmarks.certificate.costs import format_costs
 
     warn(times.failures(found.times))
     room = width()
@@ -115,7 +114,7 @@ def _print(found: Certificate, output: Path | None) -> None:
         _print_table(found)
     if found.doubles:
         _say(f"measured in doubles: {found.doubles}")
-    for line in format_costs(found.tables, found.times):
+    for line in times.format_costs(found.tables, found.times):
         _say(line)
     if output is not None:
         _say(f"certificate: {output / 'certificate.html'}")
@@ -127,10 +126,7 @@ def _say(text: str) -> None:
 
 
 def folded(line: str) -> str:
-    """Fold a line of output into lines of at most `WIDEST` characters, all but the first indented.
-
-    A line with options to be copied (--claim) is not folded.
-    """
+    """A line of output, folded at `WIDEST` characters; not one with options to be copied (--claim)."""
     if len(line) <= WIDEST or " --claim " in line:
         return line
     within = " " * (len(line) - len(line.lstrip()) + 4)

@@ -10,9 +10,10 @@ from collections.abc import Iterable, Sequence
 from math import inf, isfinite, log
 from typing import NamedTuple, Protocol, TypeVar
 
-from .cheapest import cheapest
 from .rung import Rung
 
+#: A finer run replaces the coarsest one that meets the accuracy if it takes less than this share of its time.
+CHEAPER = 0.8
 #: Larger errors are never taken for round-off.
 ROUND_OFF = 1e-8
 #: The next size is at least this share of the logarithmic distance away from both ends of its bracket.
@@ -71,6 +72,17 @@ def cost(rungs: Sequence[R], wanted: float) -> float:
     if low is None or not isfinite(low.error):
         return least
     return min(least, low.seconds * (high.seconds / low.seconds) ** share(low.error, high.error, wanted))
+
+
+def cheapest(meeting: Sequence[R]) -> R | None:
+    """The cheapest of runs from coarse to fine: the coarsest, unless a finer one takes clearly less time; None of none.
+
+    A finer run can be cheaper where implicit equations need many iterations in wide steps.
+    """
+    if not meeting:
+        return None
+    widest, least = meeting[0], min(meeting, key=lambda run: run.seconds)
+    return least if least.seconds < CHEAPER * widest.seconds else widest
 
 
 def evaluations_for(runs: Iterable[tuple[float, float]], wanted: float) -> float | None:

@@ -1,13 +1,19 @@
-"""The fastest integrator of a scene (problem, end time, quantity) at an accuracy, ours or a peer, from the tables."""
+"""From tables of runs: the fastest integrator of a scene at an accuracy, ours or a peer, and costs at equal error."""
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
+from phasebench.benchmarks.measure.timing import NONE, NOWHERE, OURS, PEERS, TIED, Median
+
+from .bracket import share
 
 #: Two sides are tied if the interval of their ratio, widened by this factor, contains 1.
 TIE = 1.05
+#: The cost is not interpolated between rungs whose errors differ by this factor or more.
+SPAN = 100.0
+COST = ("us", "us, low", "us, high")
 
 
 def cheaper(row: dict) -> str:
@@ -32,3 +38,22 @@ def winner(row: dict) -> str:
     """The fastest integrator in a row, in a tie that of the smaller median; "" if none reaches the accuracy."""
     sides = [s for s in (OURS, PEERS) if isinstance(row[f"{s} integrator"], str)]
     return row[f"{min(sides, key=lambda s: row[f'{s} seconds'])} integrator"] if sides else ""
+
+
+def at(rungs: pd.DataFrame, error: float) -> Median:
+    """The cost (microseconds, with interval) at which one integrator meets an error; `NOWHERE` if it never does.
+
+    It is interpolated as a power of the error between two runs whose errors differ by less than the factor `SPAN`;
+    otherwise it is the cost of the finer run.
+    """
+    ladder = rungs[np.isfinite(rungs["error"])].sort_values("error")
+    there, beyond = ladder[ladder["error"] <= error], ladder[ladder["error"] > error]
+    if there.empty:
+        return NOWHERE
+    best = there.loc[there["us"].idxmin()]
+    coarser = beyond[beyond["us"] < best["us"]]
+    if coarser.empty or best["error"] == 0 or coarser.iloc[0]["error"] / best["error"] >= SPAN:
+        return Median(*(best[k] for k in COST))
+    above = coarser.iloc[0]
+    part = share(above["error"], best["error"], error)
+    return Median(*(float(above[k] ** (1 - part) * best[k] ** part) for k in COST))

@@ -21,7 +21,7 @@ from phasebench.integrators.record import Method
 from phasebench.reference.peers import PEERS, heyoka, rebound, scipy
 
 from . import peer_rows
-from .exact import exact
+from .trial import exact
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from phasebench.integrators.driver import TIMEOUT
 
 from .bracket import aim
-from .cheapest import cheapest as cheapest_of
+from .bracket import cheapest as cheapest_of
 from .climb import FLOOR
 from .rung import Rung
 from .trial import MOST, Trial

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from phasebench.integrators.errors import InvalidInput
 
 from .rung import Rung, Task
 
+if TYPE_CHECKING:
+    from phasebench.benchmarks.problems.base import Problem
+
 #: Share of the span over which a run that may take long is tried first.
 PART = 1 / 50
 #: A kernel compiled in another process may round differently: an error then changes by less than `SLACK` times itself
@@ -23,6 +27,16 @@ SLACK, ROUND_OFF = 0.02, 8 * float(np.finfo(float).eps)
 WITH_ROWS = 0.25
 #: Largest number of steps of a run.
 MOST = 10_000_000
+#: Problem -> (families or ids of our methods, integrators of REBOUND) that are exact for it.
+EXACT = {
+    "kepler": ({"wisdom_holman", "fcirk"}, {"whfast", "whfast512", "saba", "mercurius", "trace"}),
+    "harmonic-oscillator": (
+        {"gautschi", "deuflhard", "mollified-impulse", "hochbruck-lubich", "hairer-lubich", "grimm-hochbruck"},
+        set(),
+    ),
+}
+#: The remark on such an integrator.
+REMARK = "exact for this problem: any step"
 
 
 @dataclass
@@ -99,3 +113,10 @@ class Trial:
             return DIVERGED
         rung = self.sorted_rungs[-1]
         return f"{rung.status}: {rung.reason}" if rung.reason else rung.status
+
+
+def exact(c: Integrator, problem: Problem) -> bool:
+    """True if the integrator solves the problem exactly at any step: its cost at a given error has no meaning."""
+    of_ours, of_rebound = EXACT.get(problem.id, (set(), set()))
+    settings = getattr(c.record, "settings", {})
+    return bool({c.id, getattr(c.record, "family", None)} & of_ours) or settings.get("integrator") in of_rebound

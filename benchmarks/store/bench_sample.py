@@ -8,9 +8,6 @@ from phasebench.benchmarks.store import compare
 
 
 def bench_sample(outcome: Any) -> None:
-    """Check that a random sample of numbers, measured again, agrees with the stored ones within their tolerances.
-
-    ``outcome`` is the result of the run (`Outcome`).  A failure names the rows and both numbers.
-    """
+    """A random sample of numbers, measured again, agrees with the stored ones within their tolerances."""
     wrong = compare.of_sample(outcome)
     assert not wrong, "\n".join(map(str, wrong))

@@ -37,18 +37,13 @@ class Cell:
 
     Attributes
     ----------
-    experiment : the id of the study to which it belongs
-    tables : the names of the tables that contain its rows
+    experiment, tables : the id of the study to which it belongs, and the names of the tables that contain its rows
     key : column -> value; identifies its rows among those of all cells in its tables
-    measure, arguments : a module-level function and its arguments (both are sent to other processes); it returns table
-        -> rows
+    measure, arguments : a module-level function and its arguments (both are sent to other processes)
     content : the hashes of the data, the code and the packages on which the rows depend (`content`)
-    names : names by which a user may select it: ids of methods, peers (integrators of other packages), problems and
-        scenes (problems with a time span and steps)
-    where : how it is measured: `POOL`, beside others on all cores; `UNCOMPILED`, the same without Numba; `ALONE`, with
-        nothing else on the machine, since it is timed
-    own : True if its rows are times, which depend on the machine: it is measured on request, and its rows do not become
-        stale when code changes
+    names : names by which a user may select it: ids of methods, peers, problems and scenes
+    where : `POOL`, `UNCOMPILED` or `ALONE`
+    own : True if its rows are times, which depend on the machine and do not become stale when code changes
     dear : True if it is measured on request because it is one of many or takes long
     quick : True if it belongs to the few cells of a quick run of about a minute
     """
@@ -102,12 +97,7 @@ def text(value: Any) -> str:
 def exact(value: Any) -> str:
     """Convert data to a text, for hashing; two texts are equal if and only if the data are equal.
 
-    The text does not depend on the working precision of mpmath.
-
-    Raises
-    ------
-    TypeError
-        For an object of unknown type.
+    Raises TypeError for an object of unknown type.
     """
     if isinstance(value, mpmath.mpf):
         return "mpf" + repr(tuple(int(part) for part in value._mpf_))
@@ -159,9 +149,8 @@ class Package:
 def content(*parts: object, code: Iterable[str] = ()) -> str:
     """The hashes of all that a measurement depends on, "data-code-packages"; the last is empty if a package is missing.
 
-    ``parts`` are data; methods, peers (integrators of other packages) and problems among them stand for their records,
-    the modules that define them and the versions of their packages.  ``code`` are names of further modules.  Modules
-    count with all their imports.
+    ``parts`` are data; methods, peers and problems among them stand for their records, the modules that define them and
+    the versions of their packages.  ``code`` are names of further modules, which count with all their imports.
     """
     modules, listed = list(code), ""
     packages = {*COMPILERS}
@@ -220,7 +209,6 @@ def states(id: str) -> str:
 
 @cache
 def _listed(package: str) -> str:
-    """The digest of the file that lists the peers of a package; "" if there is none."""
     path = PEERS / f"{package}.toml"
     return _hash(exact(tomllib.loads(path.read_text(encoding="utf-8"))), 10) if path.exists() else ""
 

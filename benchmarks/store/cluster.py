@@ -1,9 +1,7 @@
-"""Measures cells (single measurements) on a Dask cluster: workers return rows, and this process stores them.
+"""Measures cells on a Dask cluster: workers return rows, and this process stores them.
 
 A worker measures in child processes, like a run on one machine (`workers.Worker`), so that the rows are the same.  If a
-worker is lost, the scheduler gives its cells to another one.  Timed cells are not sent to the cluster but measured
-alone on this machine, except in a user's own run (``phasebench run``), where each is timed on a core of its own
-(`workers.PINNED`).
+worker is lost, the scheduler gives its cells to another one.  Timed cells are measured on this machine.
 """
 
 from __future__ import annotations
@@ -23,22 +21,13 @@ _children = threading.local()
 
 
 def call(where: str, function: Callable, arguments: Sequence) -> Answer:
-    """Call a function in a child process of a Dask worker, and return its `Answer`.
-
-    The child process is kept for the next call with the same ``where`` (how a cell is measured: compiled or not).
-    """
+    """Call a function in a child process of a Dask worker, kept for the next call, and return its `Answer`."""
     known = _children.__dict__.setdefault("by_place", {})
     return known.setdefault(where, Worker(where)).call(function, *arguments)
 
 
 class Cluster:
-    """A connection to a Dask scheduler by its address, such as ``tcp://10.0.0.1:8786``.
-
-    Raises
-    ------
-    InvalidInput
-        If Dask is not installed, or no scheduler answers at the address.
-    """
+    """A connection to a Dask scheduler by its address, such as ``tcp://10.0.0.1:8786``; raises InvalidInput."""
 
     def __init__(self, address: str) -> None:
         try:
@@ -51,11 +40,7 @@ class Cluster:
             raise InvalidInput(f"no scheduler answers at {address!r}: {error}") from None
 
     def measure(self, cells: Sequence[Cell], where: str, deadline: float) -> Iterator[tuple[Cell, Answer]]:
-        """Measure cells on the cluster; yield each with its answer when it is finished, until the deadline.
-
-        ``where`` is how they are measured, such as "pool" (compiled) or "uncompiled"; ``deadline`` a time of
-        `time.monotonic`.
-        """
+        """Measure cells on the cluster; yield each with its answer when it is finished, until the deadline."""
         from distributed import as_completed
 
         asked = {

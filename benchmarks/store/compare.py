@@ -54,14 +54,7 @@ class Pair(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """A difference between two tables: a number outside its band, a text that changed, or a row that one table lacks.
-
-    Attributes
-    ----------
-    key : the texts that identify the row
-    column : the column, or `ROW` if a whole row is missing
-    measured, stored : the two cells, or `PRESENT` and `MISSING`
-    """
+    """A number outside its band, a text that changed, or a row that one table lacks (``column`` is then `ROW`)."""
 
     key: tuple[str, ...]
     column: str
@@ -102,7 +95,7 @@ def match(measured: Iterable[Row], stored: Iterable[Row], key: Sequence[str]) ->
 
 
 def _by_key(rows: Iterable[Row], key: Sequence[str]) -> dict[tuple, Row]:
-    """Index rows by key: return {(values of the columns ``key``, number of earlier rows with the same values): row}."""
+    """(Values of the columns ``key``, number of earlier rows with the same values) -> row."""
     seen: Counter = Counter()
     out = {}
     for row in rows:
@@ -113,11 +106,7 @@ def _by_key(rows: Iterable[Row], key: Sequence[str]) -> dict[tuple, Row]:
 
 
 def differences(pairs: Iterable[Pair], limits: Mapping[str, Limit]) -> list[Difference]:
-    """Compare a new table with an old one whose rows were paired: rows that one side lacks, and values that differ.
-
-    ``limits`` names the columns to compare and how far numbers may differ in each.  Values are equal if their texts are
-    equal, if both are missing (None, NaN, ""), or if their limit allows the numbers.
-    """
+    """Rows that one side lacks, and values that differ: other texts, not allowed by the limit of their column."""
     out = []
     for key, new, old in pairs:
         if new is None or old is None:
@@ -158,11 +147,7 @@ LADDERS = {"kepler": "setting"}
 
 
 def of_cell(cell: Cell, table: str, measured: Sequence[Row], stored: Sequence[Row]) -> list[Difference]:
-    """Compare the rows of one table from a repeated measurement (``cell``) with the stored rows of the same cell.
-
-    The columns in `BANDS` are compared, with their tolerances, and the status; [] for a table that is not in `BANDS`.
-    Rows that another machine may have or lack, since it is faster or slower, are left out.
-    """
+    """Compare rows of a repeated measurement with the stored ones in the columns of `BANDS`, and their status."""
     if table not in BANDS:
         return []
     pairs = _common(table, measured, stored)

@@ -56,14 +56,8 @@ SAME = 1e-12
 class Elsewhere:
     """The content of a file of results that were computed elsewhere, by a package in another language.
 
-    Attributes
-    ----------
-    path : the file
-    header : the header's entries, as text
-    problem : the problem, on the orbit that the file names
-    t_end : the end of all runs, which begin at t = 0
-    rows : a dictionary for each row: method, h, tol, steps, evaluations, q and p (arrays (d,), None without a state),
-        energy_error (H - H0 of the end state, or as stated if there is none), stated (invariant -> stated error)
+    Each row has method, h, tol, steps, evaluations, q and p (arrays (d,), or None), energy_error, and the stated errors
+    of invariants.
     """
 
     path: Path
@@ -79,14 +73,7 @@ class Elsewhere:
 
 
 def read(path: Path | str) -> Elsewhere:
-    """The content of a file of rows measured elsewhere.
-
-    Raises
-    ------
-    InvalidInput
-        If the file cannot be read, states another version, an unknown problem or other initial data, lacks an entry or
-        a column, or has an invalid value; the message names the fault, and what to do.
-    """
+    """The content of a file of rows measured elsewhere; raises InvalidInput, which names the fault, and what to do."""
     path = Path(path)
     header, lines = _parts(path)
     made = _problem(path, header)
@@ -105,13 +92,12 @@ def read(path: Path | str) -> Elsewhere:
 
 
 def problem_key(path: Path) -> tuple[str, dict[str, float], str]:
-    """Return (name of the problem, its parameters, name of the package) from a file's header; build no problem."""
+    """(Name of the problem, its parameters, name of the package) from a file's header; builds no problem."""
     header, _ = _parts(path)
     return header["problem"], _parameters(path, header), header["package"]
 
 
 def _parts(path: Path) -> tuple[dict[str, str], list[str]]:
-    """Read a file; return (the entries of its header, its other lines that are not empty)."""
     try:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError) as error:
@@ -121,7 +107,6 @@ def _parts(path: Path) -> tuple[dict[str, str], list[str]]:
 
 
 def _header(path: Path, lines: list[str]) -> dict[str, str]:
-    """The entries of a header; raises InvalidInput for a wrong version, an unknown entry or one that is missing."""
     entries = {}
     for line in lines:
         name, colon, value = line.lstrip("# ").partition(":")
@@ -157,7 +142,6 @@ def _number(path: Path | str, what: str, text: str) -> float:
 
 
 def _parameters(path: Path, header: dict[str, str]) -> dict[str, float]:
-    """The values of the problem's parameters that a header sets."""
     given: dict[str, float] = {}
     for part in filter(None, (p.strip() for p in header.get("set", "").split(","))):
         name, equals, value = part.partition("=")
@@ -168,10 +152,7 @@ def _parameters(path: Path, header: dict[str, str]) -> dict[str, float]:
 
 
 def _problem(path: Path, header: dict[str, str]) -> Problem:
-    """The problem that a header names, with the parameters that it sets.
-
-    Raises InvalidInput if it is unknown, or if the header has another initial state or energy than the problem.
-    """
+    """The problem that a header names, if its initial state and energy are those of the header."""
     try:
         made = problem(header["problem"], **_parameters(path, header))
     except InvalidInput as error:
@@ -198,10 +179,7 @@ def _state_columns(d: int) -> list[str]:
 
 
 def _check_columns(path: Path, names: list[str], made: Problem) -> None:
-    """Raise InvalidInput if a column is missing, unknown, named twice or has times, which are not compared.
-
-    ``names`` are the columns of the file ``path``, ``made`` is its problem.
-    """
+    """Raise InvalidInput if a column is missing, unknown, named twice or has times, which are not compared."""
     state = _state_columns(made.system.d)
     errors = ["energy_error", *(f"{name}_error" for name in made.invariants)]
     known = ["method", "h", "tol", *COUNTS, *state, *errors]
@@ -224,10 +202,6 @@ def _check_columns(path: Path, names: list[str], made: Problem) -> None:
 
 
 def _row(where: str, names: list[str], cells: list[str], made: Problem) -> dict[str, Any]:
-    """A row of the file as a dictionary of values, as `Elsewhere.rows` describes it.
-
-    Raises InvalidInput, beginning with ``where``, for a value that is missing or impossible.
-    """
     if len(cells) != len(names):
         raise InvalidInput(f"{where} has {len(cells)} values for {len(names)} columns")
     text = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
@@ -264,15 +238,11 @@ def _row(where: str, names: list[str], cells: list[str], made: Problem) -> dict[
 
 
 def _digits(text: str) -> int:
-    """The number of significant digits of a number that is given as text."""
     return len(re.sub(r"[eEdD].*|[^0-9]", "", text).lstrip("0"))
 
 
 def _energy(where: str, made: Problem, y: np.ndarray | None, stated: float | None) -> float:
-    """The energy error H - H0 of an end state y = (q, p), an array (2d,); the ``stated`` one if y is None.
-
-    Raises InvalidInput if a state and an error are given that do not agree.
-    """
+    """The energy error H - H0 of an end state y = (q, p), with which a stated one agrees; else the ``stated`` one."""
     if y is None:
         return stated
     Q, P = (np.vstack([start, end]) for start, end in ((made.q0, y[: made.system.d]), (made.p0, y[made.system.d :])))
@@ -283,13 +253,7 @@ def _energy(where: str, made: Problem, y: np.ndarray | None, stated: float | Non
 
 
 def errors(file: Elsewhere) -> list[dict[str, Any]]:
-    """The rows of a file with their errors, as dictionaries of plain values.
-
-    ``error`` is the max norm over (q, p) of the difference from the reference at t_end, ``uncertainty`` the
-    reference's; both are None without an end state or a reference, and ``reason`` says why.  Besides, a row has the
-    method with ``h`` or ``tol``, ``steps``, ``evaluations`` and ``energy_error``, and entries of the header: the
-    package, the problem, and the machine as ``made_on``.
-    """
+    """The rows of a file with their errors against the reference at t_end, and entries of the header."""
     return [_identify(file, row) | _error(file, row) for row in file.rows]
 
 
@@ -317,14 +281,7 @@ def _error(file: Elsewhere, row: dict[str, Any]) -> dict[str, Any]:
 
 
 def state_error(made: Problem, t_end: float, q: np.ndarray, p: np.ndarray) -> dict[str, Any]:
-    """Compare a state (q, p) at ``t_end`` with the reference solution of the problem.
-
-    Returns
-    -------
-    dict
-        ``error``, max norm over (q, p); ``uncertainty`` of the reference; both None if there is no reference, and
-        ``reason`` says why
-    """
+    """Compare a state at ``t_end`` with the reference: ``error`` and ``uncertainty``, or the ``reason`` of none."""
     ends = SimpleNamespace(t=np.array([0.0, t_end]), q=np.vstack([made.q0, q]), p=np.vstack([made.p0, p]))
     found = end_error(made, ends, t_end)
     reference = found["reference"]

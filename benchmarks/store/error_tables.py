@@ -59,13 +59,7 @@ def provenance(problem: Problem, **more: object) -> dict:
 
 
 def save(name: str, frame: pd.DataFrame, provenance: Mapping[str, object], directory: Path = DIRECTORY) -> Path:
-    """Store a table under a name, and return its path.
-
-    Raises
-    ------
-    ValueError
-        If the name is not a plain file name, column names are not unique texts, or there is no provenance.
-    """
+    """Store a table under a name, and return its path; ValueError for an unusable name, columns or provenance."""
     if not provenance or CHECKSUM in provenance:
         raise ValueError(f"a table needs its provenance, which has no key {CHECKSUM!r}")
     if not frame.columns.is_unique or not all(isinstance(c, str) for c in frame.columns):
@@ -82,14 +76,9 @@ def save(name: str, frame: pd.DataFrame, provenance: Mapping[str, object], direc
 
 
 def load(name: str, directory: Path = DIRECTORY) -> tuple[pd.DataFrame, dict]:
-    """Read a stored table; return (the table, with numbers as doubles; its provenance as a dict).
+    """Read a stored table: (the table, with numbers as doubles; its provenance).
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such table.
-    CorruptTable
-        If it is not text, its provenance cannot be read, or its checksum differs.
+    Raises FileNotFoundError, or CorruptTable if it is not text or does not match its provenance.
     """
     import pandas as pd
 
@@ -111,7 +100,6 @@ def load(name: str, directory: Path = DIRECTORY) -> tuple[pd.DataFrame, dict]:
 
 
 def _as_numbers(column: pd.Series) -> list:
-    """A column as doubles, NaN for an empty cell; unchanged if one of its cells is not a number."""
     try:
         return [float(x) if x else nan for x in column]
     except ValueError:

@@ -55,15 +55,7 @@ GROWN = Factor(1.5, 1e-13)
 
 
 class Change(NamedTuple):
-    """A difference between two runs.
-
-    Attributes
-    ----------
-    kind : one of `KINDS`, such as "less accurate"
-    table, row, column : where it is; the row by the texts that identify it or, for times, by the method
-    before, after : the two values, as text; for times "1" and the ratio
-    ratio : after / before with its interval, or None
-    """
+    """A difference between two runs, of a kind of `KINDS`; of times it is that of a method, "1" and the ratio."""
 
     kind: str
     table: str
@@ -85,12 +77,7 @@ def load(name: str) -> dict[str, pd.DataFrame]:
     """The tables of a stored run, table name -> data frame.
 
     ``name`` is a folder of reports or of their data, a CSV file, a file of rows that ``phasebench run`` wrote (.jsonl),
-    or a commit of the repository that has reports.
-
-    Raises
-    ------
-    InvalidInput
-        If it is none of these, or no table in it can be read.
+    or a commit of the repository that has reports.  Raises InvalidInput.
     """
     path = Path(name)
     if path.is_file():
@@ -106,10 +93,7 @@ def load(name: str) -> dict[str, pd.DataFrame]:
 
 
 def load_pair(before: str, after: str) -> tuple[dict[str, pd.DataFrame], dict[str, pd.DataFrame]]:
-    """Read the tables of two runs, as `load` does; two single files are the same table, whatever their names.
-
-    Raises InvalidInput if the runs have no table in common.
-    """
+    """Read the tables of two runs, as `load` does; two single files are the same table, whatever their names."""
     old, new = load(before), load(after)
     if Path(before).is_file() and Path(after).is_file():
         new = dict(zip(old, new.values(), strict=True))
@@ -152,7 +136,6 @@ def _read(table: str, text: str) -> pd.DataFrame:
 
 
 def _of_lines(table: str, text: str) -> pd.DataFrame:
-    """Read rows that ``phasebench run`` wrote, one JSON object a line; raises ValueError for others."""
     rows = [json.loads(line) for line in text.splitlines() if line.strip()]
     if not all(isinstance(row, dict) and "method" in row for row in rows):
         raise ValueError("a line has no row of a method")
@@ -180,21 +163,16 @@ def _of_table(table: str, old: pd.DataFrame, new: pd.DataFrame) -> list[Change]:
 
 
 def _is_compared(column: str) -> bool:
-    """True if values in a column of this name are compared row by row: a status, or an error."""
     return column in JUDGED or bool(ERRORS.fullmatch(column))
 
 
 def _pairs(old: pd.DataFrame, new: pd.DataFrame) -> tuple[list[str], list[Pair]]:
-    """Match the rows of two tables; return (names of the columns that identify a row, the pairs of rows)."""
     key = [c for c in old if c in new and _is_key(c, old, new)]
     return key, match(new.to_dict("records"), old.to_dict("records"), key)
 
 
 def _change(table: str, d: Difference) -> Change:
-    """Convert a difference ``d`` between two runs, in one table, to a `Change`.
-
-    An error that only one of the two runs has as a number is `GONE`, or `NEW`.
-    """
+    """A difference as a `Change`; an error that only one of the two runs has as a number is `GONE`, or `NEW`."""
     row = ", ".join(filter(None, d.key))
     if d.column == ROW:
         return Change(GONE if d.measured == MISSING else NEW, table, row, "", "", "")
@@ -217,7 +195,6 @@ def _is_key(column: str, *tables: pd.DataFrame) -> bool:
 
 
 def _ratios(pairs: list[Pair], column: str) -> list[tuple[Pair, float]]:
-    """Return (pair, new time / old time) for each pair of rows that both have a time in the column ``column``."""
     out = []
     for pair in pairs:
         if pair.measured is not None and pair.stored is not None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Entry:
-    """A finished cell (one measurement): its id, content hash, date, machine, seconds spent, rows, and commit."""
+    """A finished cell: its id, content hash, date, machine, seconds spent, rows, and commit."""
 
     cell: str
     content: str
@@ -36,14 +36,7 @@ class Entry:
 
 
 class Journal:
-    """A file of finished cells (single measurements), to which a run appends each as soon as it is measured.
-
-    Attributes
-    ----------
-    path : the file; InvalidInput is raised if it cannot be read or written
-    entries : the finished cells by id
-    unreadable : number of lines that could not be read
-    """
+    """A file of finished cells, to which a run appends each as soon as it is measured; raises InvalidInput."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
@@ -101,14 +94,12 @@ def _line(entry: Entry) -> str:
 
 
 def _ends(path: Path) -> bool:
-    """True if a file ends with a newline."""
     with path.open("rb") as stream:
         stream.seek(-1, os.SEEK_END)
         return stream.read(1) == b"\n"
 
 
 def _plain(value: np.generic) -> Any:
-    """Convert a NumPy scalar to a Python number."""
     return value.item()
 
 

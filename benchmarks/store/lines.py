@@ -1,7 +1,7 @@
 """Stores a table as JSON lines, one row a line: the rows of a user's own run (``phasebench run``).
 
-They are grouped in cells (single measurements).  Besides its columns a row holds the id of its cell (``cell``), the
-number of the cell's rows (``of``), and its provenance.  A cell counts as measured only if all of its rows can be read.
+Besides its columns a row holds the id of its cell (``cell``), the number of the cell's rows (``of``), and its
+provenance.  A cell counts as measured only if all of its rows can be read.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ABOUT = ("cell", "of", "content", "date", "machine", "spent")
 
 
 def read(path: Path, table: str) -> dict[str, Entry]:
-    """Read the complete cells (single measurements) of a JSON lines file, by id; raises InvalidInput if unreadable."""
+    """Read the complete cells of a JSON lines file, by id; raises InvalidInput if unreadable."""
     cells: dict[str, list[dict]] = {}
     for line in _lines(path):
         try:
@@ -46,11 +46,7 @@ def read(path: Path, table: str) -> dict[str, Entry]:
 
 
 def of_scenes(path: Path) -> bool | None:
-    """True if a JSON lines file has rows of scenes (problems with a time span); False for rows of one problem.
-
-    Only the first row that can be read is looked at: one of a scene names its cell (a single measurement).  None if
-    there is no such row or no file.  Raises InvalidInput if the file cannot be read.
-    """
+    """True if a JSON lines file has rows of scenes, False for rows of one problem, by its first row; or None."""
     for line in _lines(path):
         try:
             return "cell" in json.loads(line)
@@ -69,10 +65,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def write(path: Path, entries: Mapping[str, Entry], table: str) -> None:
-    """Write the rows that the cells (``entries``) have in one table, replacing the file at once.
-
-    Raises InvalidInput if the file cannot be written.
-    """
+    """Write the rows that the cells have in one table, replacing the file at once; raises InvalidInput."""
     lines = [
         {
             schema.FIELD: schema.VERSION,
@@ -92,10 +85,7 @@ def write(path: Path, entries: Mapping[str, Entry], table: str) -> None:
 
 
 def _answers(cells: Sequence[Cell], jobs: int, cluster: Cluster | None) -> Iterator[tuple[Cell, workers.Answer]]:
-    """Measure cells; yield each with its `Answer` (rows or error) as soon as it is finished.
-
-    ``jobs`` is the number of processes, 0 for this one.  In parallel runs the timed cells come last.
-    """
+    """Measure cells; yield each with its `Answer`.  In parallel runs the timed cells come last."""
     if not jobs and cluster is None:
         yield from workers.measure(cells, POOL, NEVER)
         return
@@ -112,17 +102,11 @@ def measure(
     jobs: int = 0,
     cluster: Cluster | None = None,
 ) -> tuple[dict[str, Entry], list[str], int]:
-    """Measure the cells (single measurements) that are new or changed, and write all their rows to the file ``path``.
+    """Measure the cells that are new or changed, and write all their rows to the file ``path``.
 
     Finished cells of a killed run stay in a file beside ``path``, from which the next run continues.  Cells are
-    measured one by one in this process or, in parallel, in ``jobs`` processes or on a ``cluster``; in parallel the
-    timed ones come last, each on a core of its own.  ``progress`` is called with the label of a finished cell, the
-    number of cells done and in all, and 0 for the seconds left, which are unknown.
-
-    Returns
-    -------
-    entries, failures, unchanged : entry by cell id; texts of what failed; the number of cells that were not measured
-        again
+    measured in this process, in ``jobs`` processes or on a ``cluster``.  Returns (entry by cell id, texts of what
+    failed, the number of cells that were not measured again).
     """
     with lock(path.parent, f".{path.name}.lock"):
         return _measure(path, cells, progress, jobs, cluster)
@@ -135,7 +119,6 @@ def _measure(
     jobs: int,
     cluster: Cluster | None,
 ) -> tuple[dict[str, Entry], list[str], int]:
-    """Measure as `measure` does; the caller holds the lock that keeps other runs from writing to the file."""
     table = cells[0].tables[0] if cells else ""
     journal = Journal(path.with_name(f"{path.name}.part"))
     known = read(path, table) | journal.entries

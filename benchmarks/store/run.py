@@ -41,14 +41,7 @@ AGREED = "agreed.json"
 
 @dataclass
 class Standing:
-    """What is stored of a cell (one measurement).
-
-    Attributes
-    ----------
-    content : hash of what its rows were measured with; None if rows are missing or were edited
-    machine, spent : the machine, and the seconds that the measurement took
-    measured : False if nothing is stored
-    """
+    """What is stored of a cell: the hash of what its rows were measured with (None if they were edited), and where."""
 
     content: str | None = None
     machine: str = ""
@@ -58,7 +51,7 @@ class Standing:
 
 @dataclass
 class Plan:
-    """The cells (single measurements) of a run, sorted by the reason to measure them; each is in exactly one list.
+    """The cells of a run by the reason to measure them; each is in exactly one list.
 
     Attributes
     ----------
@@ -79,20 +72,17 @@ class Plan:
 
 @dataclass
 class Outcome:
-    """The result of a run of the benchmarks, whose unit is the cell (one measurement).
+    """The result of a run of the benchmarks.
 
     Attributes
     ----------
-    cells, plan : all cells of the tables; those of this run, sorted by the reason to measure them (`Plan`)
-    entries : finished cells by id, including those of a run that was killed before
+    cells, plan : all cells of the tables; those of this run
+    entries, sampled : finished cells by id, those of a killed run included; rows only compared with the stored ones
     agreed : ids of finished cells whose rows agree with the stored ones, which stay
-    sampled : rows by cell id, measured only to compare them with the stored ones
-    failed : cell id -> why it could not be measured
-    unavailable : ids of cells that need what is not here, such as a package
+    failed, unavailable : cell id -> why it could not be measured; ids of cells that need what is not here
     left : cells for which there was no time
     seconds : experiment -> seconds spent on its cells
     stored : the tables as they were before the run, by name
-    seed, notes : the seed of the random sample; remarks for the user
     """
 
     cells: list[Cell]
@@ -114,7 +104,7 @@ class Outcome:
         return content is not None and not cell.outdated(content)
 
     def failures(self, chosen: Callable[[Cell], bool]) -> list[str]:
-        """What failed among the chosen cells (single measurements), and why."""
+        """What failed among the chosen cells, and why."""
         return [f"{c.label}: {self.failed[c.id]}" for c in self.cells if c.id in self.failed and chosen(c)]
 
     def rows(self, table: str) -> list[dict]:
@@ -127,7 +117,7 @@ class Outcome:
 
 
 def entry(cell: Cell, answer: workers.Answer) -> Entry:
-    """The journal entry of a finished cell, from the answer of the process that measured it."""
+    """The journal entry of a finished cell."""
     today = date.today().isoformat()
     seconds = round(answer.seconds, 3)
     return Entry(cell.id, cell.content, today, answer.machine, seconds, answer.value, provenance.commit())
@@ -150,11 +140,11 @@ def plan(
     times: bool = False,
     again: bool = False,
 ) -> Plan:
-    """Sort the cells (single measurements) by the reason to measure them.
+    """Sort the cells by the reason to measure them.
 
-    ``known`` has what is stored of each cell, ``entries`` the finished cells of a run that was killed, ``agreed`` the
-    hash for which a cell's stored rows came out again on this machine.  With ``dear`` and ``times`` these two classes
-    are measured, too, with ``again`` all cells that can be.
+    ``entries`` are the finished cells of a run that was killed, ``agreed`` has the hash for which a cell's stored rows
+    came out again on this machine.  With ``dear`` and ``times`` these two classes are measured, too, with ``again`` all
+    cells that can be.
     """
     out, machine, agreed = Plan(), provenance.machine(), agreed or {}
     for cell in cells:
@@ -182,10 +172,9 @@ def plan(
 
 
 def sample(cells: Sequence[Cell], known: dict[str, Standing], seconds: float, seed: int, count: int) -> list[Cell]:
-    """Choose some of the cells (single measurements) at random, to measure them again and compare with the stored rows.
+    """Choose cells at random, to measure them again and compare with the stored rows.
 
-    They are taken from each experiment in turn until they need about ``seconds`` together on ``count`` cores; ``known``
-    has the time that each takes, ``seed`` is that of the random numbers.
+    They are taken from each experiment in turn until they need about ``seconds`` together on ``count`` cores.
     """
     rng = random.Random(seed)
     groups: dict[str, list[Cell]] = {}
@@ -222,14 +211,12 @@ def execute(
     progress: Callable[[str, int, int, float], None] = lambda *_: None,
     cluster: Cluster | None = None,
 ) -> Outcome:
-    """Measure cells (single measurements) within a time budget, and write the tables.
+    """Measure cells within a time budget, and write the tables.
 
     Parameters
     ----------
-    cells : cells of the tables; stored rows of other cells stay
-    folder : the folder of the tables
+    cells, folder : cells of the tables, and the folder of these; stored rows of other cells stay
     selected : predicate; only these cells are measured, even if unchanged
-    budget : seconds
     dear, times : measure these two classes of cells, too; times without a time limit
     everything : measure every cell, without a time limit
     quick : no random sample is taken; the tables are marked as quick
@@ -239,12 +226,7 @@ def execute(
     progress : called with an experiment, the cells done and in all, and the estimated seconds left
     cluster : measures the cells that are not timed
 
-    Raises
-    ------
-    InvalidInput
-        If another run writes to the folder, or it is quick and the folder has tables of a full run.
-    ValueError
-        If two cells have the same id.
+    Raises InvalidInput if another run writes to the folder, or it is quick and the folder has tables of a full run.
     """
     if len({c.id for c in cells}) != len(cells):
         raise ValueError("two cells have the same key")
@@ -294,7 +276,6 @@ def _agreed(folder: Path) -> dict[str, str]:
 
 
 def _notes(out: Outcome, budget: float, orphans: Mapping[str, int]) -> list[str]:
-    """Remarks for the user on what was not measured, and why."""
     found = []
     if out.left:
         found.append(
@@ -315,11 +296,7 @@ def _notes(out: Outcome, budget: float, orphans: Mapping[str, int]) -> list[str]
 
 
 class _Work:
-    """Measures the cells (single measurements) of a run, kind after kind.
-
-    First come those that run beside each other on all cores, then the timed ones, then those without Numba.  Results go
-    into ``out`` and, as they are finished, into the journal, a file from which a killed run is continued.
-    """
+    """Measures the cells of a run, kind after kind: on all cores, timed ones, those without Numba."""
 
     def __init__(
         self,
@@ -334,10 +311,6 @@ class _Work:
         self.cluster = cluster
 
     def measure(self, cells: list[Cell], deadline: float, compared: bool = False) -> None:
-        """Measure cells (single measurements) until the deadline, a time of `time.monotonic`.
-
-        If they are only to be ``compared`` with stored rows (a sample), their rows are not stored.
-        """
         left = sum(self._share(c) for c in cells)
         done, total = 0, len(cells)
         lanes = {w: lane for w in (POOL, ALONE, UNCOMPILED) if (lane := [c for c in cells if c.where == w])}
@@ -406,7 +379,6 @@ def _lack_here(rows: Rows) -> str | None:
 
 
 def _flaw(cell: Cell, rows: Rows) -> str | None:
-    """Why the measured rows (table -> rows) are not valid for the cell, such as a wrong key; None if they are valid."""
     if set(rows) != set(cell.tables):
         return f"it measured tables {sorted(rows)}, not {sorted(cell.tables)}"
     for members in rows.values():

@@ -106,10 +106,7 @@ def undeclared(names: Iterable[str]) -> list[str]:
 
 
 def check(about: Mapping[str, Any], where: object) -> None:
-    """Raise InvalidInput if rows are of a newer schema than `VERSION`, or state no positive integer as their version.
-
-    ``about`` is the metadata of a table, or a row as a dict; ``where`` is the file, which the message names.
-    """
+    """Raise InvalidInput if rows are of a newer schema than `VERSION`, or state no positive integer as theirs."""
     stated = about.get(FIELD, 1)
     if isinstance(stated, bool) or not isinstance(stated, int) or stated < 1:
         raise InvalidInput(f"{where} states the schema {stated!r}; it must be a positive integer")

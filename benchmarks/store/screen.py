@@ -15,10 +15,7 @@ HEADINGS += ("not by this version", "not here", "failed", "seconds")
 
 @contextlib.contextmanager
 def progress(stream: TextIO) -> Iterator[Callable[[str, int, int, float], None]]:
-    """Context manager that gives the function (experiment, done, total, seconds left) to show the progress of a run.
-
-    The function draws a bar if the stream is a terminal, and does nothing otherwise.
-    """
+    """A function (experiment, done, total, seconds left) that shows the progress of a run, if this is a terminal."""
     if not stream.isatty():
         yield lambda *_: None
         return
@@ -43,12 +40,7 @@ def progress(stream: TextIO) -> Iterator[Callable[[str, int, int, float], None]]
 
 
 def counts(outcome: Outcome) -> list[dict[str, object]]:
-    """Count a run's cells (single measurements) by experiment: a row for each, for the table that ends a run.
-
-    A row has the numbers of cells that were measured now, measured only as a random sample, unchanged, stored by
-    another version of the code ("not by this version"), not measurable on this machine ("not here"), or failed, and
-    the seconds spent.
-    """
+    """Count a run's cells by experiment: a row for each, for the table that ends a run."""
     left = {c.id for c in outcome.left}
     absent = {c.id for c in outcome.plan.absent} | outcome.unavailable
     rows: dict[str, dict[str, object]] = {}

@@ -17,11 +17,8 @@ Known = TypeVar("Known")
 class ShippedTable(Generic[Known]):
     """A CSV file that is computed from measured rows and shipped with the package, and its parsed content.
 
-    Parameters
-    ----------
-    path : the file
-    build : measured rows -> the lines of the file, all with the same columns
-    parse : the lines, cells as text -> the object that the program uses; called with [] if there is no file
+    ``build`` gives the lines of the file from measured rows, ``parse`` the object that the program uses from the lines,
+    cells as text; it is called with [] if there is no file.
     """
 
     def __init__(

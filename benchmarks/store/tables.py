@@ -47,10 +47,9 @@ Row = dict[str, str]
 
 
 def read(folder: Path, name: str, stale: bool = True) -> tuple[pd.DataFrame, dict] | tuple[None, None]:
-    """Read a table of a report folder; return (DataFrame, metadata from its JSON file), or (None, None) if absent.
+    """A table of a report folder and the metadata of its JSON file, or (None, None) if absent; raises InvalidInput.
 
-    Rows measured by an earlier version of the code are included unless ``stale`` is False; their number is the entry
-    "stale" of the metadata.  Raises InvalidInput if the files cannot be read.
+    Rows measured by an earlier version of the code are included unless ``stale`` is False.
     """
     import pandas as pd
 
@@ -101,13 +100,7 @@ def key_of(cell: Cell) -> Key:
 class Table:
     """A stored table, with cells as text, so that rows that are not measured again stay the same to the byte.
 
-    Attributes
-    ----------
-    name, path : the name of the table, and its CSV file
-    rows : its rows, dicts of texts by column
-    keys : key of a measurement's rows (`Key`) -> its line of the keys file, the columns `PROVENANCE` and the number of
-        rows
-    about : the metadata in the JSON file beside it; {} if there is none
+    ``keys`` maps the key of a measurement's rows to its line of the keys file.
     """
 
     def __init__(self, folder: Path, name: str) -> None:
@@ -145,11 +138,7 @@ class Table:
         return known if known is not None and known["digest"] == digest(self.of(cell)) else None
 
     def replace(self, rows: Sequence[Row], keys: Mapping[Key, Row], about: Mapping[str, object]) -> None:
-        """Overwrite the table with ``rows`` and ``keys``, and the JSON file beside it with the metadata ``about``.
-
-        Files that would be the same are left alone.  Descriptions of the machines on which the rows were measured are
-        added to the metadata.
-        """
+        """Overwrite the table and the JSON file beside it; files that would be the same are left alone."""
         known = self.about.get("machines", {}) | {provenance.machine(): provenance.summary()}
         runs = _numbered({line["run"] for line in keys.values()}, self.about.get("runs", {}))
         machines = sorted({run.split()[-1] for run in runs} & {*known})
@@ -176,7 +165,7 @@ class Table:
 
 
 def _numbered(runs: set[str], before: Mapping[str, str]) -> dict[str, str]:
-    """Run -> its number as text; those that had one ``before`` (number -> run) keep it, so that few lines change."""
+    """Run -> its number; those that had one ``before`` (number -> run) keep it, so that few lines change."""
     out = {run: number for number, run in before.items() if run in runs}
     free = (str(k) for k in itertools.count() if str(k) not in before)
     return out | {run: next(free) for run in sorted(runs - {*out})}
@@ -191,7 +180,7 @@ class Written:
 
 
 def known_of(entry: Entry, rows: Sequence[Row]) -> Row:
-    """The line of a keys file for the ``rows`` that a finished cell (one measurement) adds to a table."""
+    """The line of a keys file for the ``rows`` that a finished cell adds to a table."""
     return {
         "content": entry.content,
         "run": " ".join([entry.date, entry.commit or UNKNOWN, entry.machine]),
@@ -215,10 +204,7 @@ def digest(rows: Sequence[Row]) -> str:
 
 
 def version(cell: Cell, stored: Mapping[str, Table]) -> str | None:
-    """The hash of what the stored rows of a cell (one measurement) were measured with.
-
-    None if rows are missing, or were edited or lost since.  ``stored`` are the tables by name.
-    """
+    """The hash of what the stored rows of a cell were measured with; None if some are missing, edited or lost."""
     known = [stored[name].intact(cell) for name in cell.tables]
     contents = {line["content"] for line in known if line is not None}
     return contents.pop() if None not in known and len(contents) == 1 else None
@@ -247,13 +233,8 @@ def write(
 ) -> Written:
     """Write every table of the cells into ``folder``; cells without an entry keep their stored rows.
 
-    Parameters
-    ----------
-    entries : finished cells by id
-    stored : the tables by name, as they are on disk
-    agreed : ids of cells whose new rows agree with the stored ones, which stay, with the hash of the new code
-    quick : the tables are marked as those of a quick run
-    prune : remove stored rows that belong to none of the cells
+    ``agreed`` are ids of cells whose new rows agree with the stored ones, which stay, with the hash of the new code;
+    with ``prune`` stored rows that belong to none of the cells are removed.
     """
     out = Written({id for id in entries if id not in agreed})
     by_table: dict[str, list[Cell]] = {}

@@ -39,15 +39,7 @@ DIED, LATE = "its process died", "it did not return in time"
 
 
 class Answer(NamedTuple):
-    """The result of a function call in another process.
-
-    Attributes
-    ----------
-    value : the returned value; None if there is an ``error``
-    error : the exception in one line, `DIED` or `LATE`; None if the function returned
-    seconds : duration of the call
-    machine : the machine on which it ran, `provenance.machine`
-    """
+    """The result of a call in another process: the value, or the exception in one line, `DIED` or `LATE`."""
 
     value: Any
     error: str | None
@@ -67,9 +59,8 @@ def answer(function: Callable, arguments: Sequence) -> Answer:
 
 @contextlib.contextmanager
 def pin_to_core(pin: bool = True) -> Iterator[None]:
-    """Context manager: pin this process to a core that no other phasebench process has pinned; block until one is free.
+    """Pin this process to a core that no other phasebench process has pinned; block until one is free.
 
-    It has no effect if ``pin`` is False or the system cannot pin processes.
     A locked file marks a core as taken; the system releases the lock if the process dies.
     """
     if not pin or not hasattr(os, "sched_setaffinity"):
@@ -94,10 +85,7 @@ def pin_to_core(pin: bool = True) -> Iterator[None]:
 
 
 def serve(where: str) -> None:
-    """Main loop of a worker process: read pickled calls from stdin, write answers to stdout, until stdin ends.
-
-    What the functions print goes to stderr.  If ``where`` is "pinned", each call runs on a core of its own.
-    """
+    """Main loop of a worker process: read pickled calls from stdin, write answers to stdout, until stdin ends."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     while True:
@@ -114,10 +102,7 @@ def serve(where: str) -> None:
 class Worker:
     """A process that calls functions, one at a time; it is started by the first call, and again after it was stopped.
 
-    Parameters
-    ----------
-    where : how it runs: "pool" or "alone" (with Numba), "uncompiled" (without), or "pinned" (on a core of its own)
-    answers : a queue shared by several workers, which receives (worker, answer); by default one of its own
+    ``answers`` is a queue shared by several workers, which receives (worker, answer); by default one of its own.
     """
 
     def __init__(self, where: str = POOL, answers: queue.Queue | None = None) -> None:
@@ -195,14 +180,9 @@ class Worker:
 def measure(
     cells: Sequence[Cell], where: str, deadline: float, count: int = 0, cluster: Cluster | None = None
 ) -> Iterator[tuple[Cell, Answer]]:
-    """Measure cells, and yield each with its `Answer` (rows or error) when it is finished, until the deadline.
+    """Measure cells, and yield each with its `Answer` when it is finished, until the deadline (`time.monotonic`).
 
-    Parameters
-    ----------
-    where : how processes run: "pool" or "alone" (with Numba), "uncompiled" (without), "pinned" (each on its own core)
-    deadline : a time of `time.monotonic`; cells not finished by then are stopped and not yielded
-    count : number of parallel processes; 0 measures in this process
-    cluster : measures instead of this machine
+    ``count`` is the number of parallel processes, 0 for this one; a ``cluster`` measures instead of this machine.
     """
     if cluster is not None:
         yield from cluster.measure(cells, where, deadline)

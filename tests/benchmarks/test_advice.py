@@ -23,9 +23,8 @@ from phasebench.benchmarks.advice.hunt import Candidate, Search
 from phasebench.benchmarks.advice.known import true_value
 from phasebench.benchmarks.cli.advise import _roles
 from phasebench.benchmarks.ladder import search
-from phasebench.benchmarks.ladder.exact import REMARK
 from phasebench.benchmarks.ladder.rung import Rung, Task
-from phasebench.benchmarks.ladder.trial import Trial
+from phasebench.benchmarks.ladder.trial import REMARK, Trial
 from phasebench.benchmarks.measure import conservation_claims, truths
 from phasebench.benchmarks.measure.global_error import with_start
 from phasebench.benchmarks.measure.integrator import OURS, integrator

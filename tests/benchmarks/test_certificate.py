@@ -16,11 +16,11 @@ from phasebench.benchmarks.certificate import (
     battery,
     certificate,
     conservation,
-    costs,
     figures,
     measures,
     order,
     structure,
+    times,
 )
 from phasebench.benchmarks.certificate.certificate import certify
 from phasebench.benchmarks.certificate.render import write
@@ -183,17 +183,17 @@ def priced(evaluations=(23.0, 31.4), high=110.0, python_high=1500.0):
 
 
 def test_costs_beside_the_cheapest_method():
-    rows = costs.cost_rows(*priced())
+    rows = times.cost_rows(*priced())
     assert [(r["error"], r["evaluations"], r["time"]) for r in rows] == [(1e-2, 23.0, 100.0), (1e-4, 31.4, 2.34)]
     for high, varies in ((180.0, False), (180.1, True)):
-        row = costs.cost_rows(*priced(high=high))[0]
+        row = times.cost_rows(*priced(high=high))[0]
         assert (row["time"] is None, row["varies"]) == (varies, varies)
-    lines = costs.format_costs(*priced())
+    lines = times.format_costs(*priced())
     assert max(map(len, lines)) <= WIDEST
     assert "1200 times" in lines[-1]
-    assert "1200 times" not in costs.format_costs(*priced(python_high=2000.0))[-1]
-    assert sum(costs.NOT_MET in line for line in costs.format_costs(*priced((None, None)))) == 1
-    assert costs.format_costs(Tables({}), []) == []
+    assert "1200 times" not in times.format_costs(*priced(python_high=2000.0))[-1]
+    assert sum(times.NOT_MET in line for line in times.format_costs(*priced((None, None)))) == 1
+    assert times.format_costs(Tables({}), []) == []
     text = folded("  order 2: " + "it is another on this system; " * 20)
     assert (max(map(len, text.splitlines())) <= WIDEST, text.count("another")) == (True, 20)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.ladder.costs import at
+from phasebench.benchmarks.ladder.choice import at
 from phasebench.benchmarks.measure import canary
 from phasebench.benchmarks.measure.timing import NOWHERE
 from phasebench.benchmarks.studies.costs import large, start, step

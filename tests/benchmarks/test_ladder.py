@@ -9,8 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.ladder.bracket import EDGE, Run, aim
-from phasebench.benchmarks.ladder.cheapest import cheapest
+from phasebench.benchmarks.ladder.bracket import EDGE, Run, aim, cheapest
 from phasebench.benchmarks.ladder.climb import idle, numbers_of_steps, tolerances
 from phasebench.benchmarks.ladder.rung import Rung, Task
 from phasebench.benchmarks.measure.clock import Clocks

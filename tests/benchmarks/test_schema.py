@@ -10,10 +10,7 @@ from pathlib import Path
 import pytest
 
 import phasebench as pb
-from phasebench.benchmarks.advice import bench_stored as advice
-from phasebench.benchmarks.advice import models, prior
-from phasebench.benchmarks.certificate import bench_stored as certificate
-from phasebench.benchmarks.certificate import fronts, times
+from phasebench.benchmarks.certificate.bench_stored import SHIPPED
 from phasebench.benchmarks.ladder import sweep
 from phasebench.benchmarks.ladder.curves import curves
 from phasebench.benchmarks.measure.integrator import integrator
@@ -82,27 +79,11 @@ def test_saved_table_is_loaded_once(tmp_path):
     assert table.load() == {"c": 2 / 3}
 
 
-def rows(name: str):
+def rows(name: str) -> list[dict]:
     frame, _ = tables.read(REPORTS, name)
-    return frame
+    return frame.to_dict("records")
 
 
-def records(name: str) -> list[dict]:
-    return rows(name).to_dict("records")
-
-
-def competition():
-    """(runs, integrators) from which the stored prior of `advise` was made, leaving out methods added since."""
-    ran, named = advice.competition(records(advice.RUNS))
-    return ran, named & prior.TABLE.load().competitors
-
-
-SHIPPED = {
-    "prior": (prior.TABLE, competition),
-    "models": (models.TABLE, lambda: tuple(map(rows, advice.MODELS))),
-    "fronts": (fronts.TABLE, lambda: (records(certificate.RUNS),)),
-    "times": (times.TABLE, lambda: (records(certificate.CHOICES), records(certificate.RUNS))),
-}
 #: Columns of a file recorded before its rows were measured again.
 EARLIER = {"models": ("error", "seconds")}
 
@@ -115,6 +96,9 @@ def distinct(text: str, name: str) -> list[tuple]:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_file_equals_what_its_rows_give(name):
-    table, of = SHIPPED[name]
-    assert distinct(table.text(*of()), name) == distinct(table.path.read_text(), name)
+    table, measured, arguments = SHIPPED[name]
+    given = [*arguments(*map(rows, measured))]
+    if name == "prior":
+        given[1] &= table.load().competitors  # without methods added since
+    assert distinct(table.text(*given), name) == distinct(table.path.read_text(), name)
     assert table.parse([]) != table.load(), "the control: of no rows it is another"

@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.ladder import competitors, race
-from phasebench.benchmarks.ladder.bracket import bracket, cost
-from phasebench.benchmarks.ladder.cheapest import cheapest
-from phasebench.benchmarks.ladder.race import Known
-from phasebench.benchmarks.ladder.refine import refine
+from phasebench.benchmarks.ladder.bracket import bracket, cheapest, cost
+from phasebench.benchmarks.ladder.race import Known, refine
 from phasebench.benchmarks.ladder.rung import Rung, Task
 from phasebench.benchmarks.measure.clock import Clocks
 from phasebench.benchmarks.measure.named_quantities import quantity

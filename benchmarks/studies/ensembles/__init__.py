@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.ladder.costs import SPAN
+from phasebench.benchmarks.ladder.choice import SPAN
 from phasebench.benchmarks.measure import timing
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import Data, Picture, of

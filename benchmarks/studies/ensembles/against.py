@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.ladder.costs import SPAN, at
+from phasebench.benchmarks.ladder.choice import SPAN, at
 from phasebench.benchmarks.measure.timing import NOWHERE, Median, cheaper, median, time_in_turns
 from phasebench.benchmarks.page.page import once
 from phasebench.benchmarks.problems import problem as problem_of

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.ladder.costs import at
+from phasebench.benchmarks.ladder.choice import at
 from phasebench.benchmarks.measure.timing import NOWHERE, TIED, cheaper
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of, once

@@ -3,7 +3,7 @@
 A scene is a problem, end time and quantity; peers are integrators of other packages.  Each integrator that can do the
 problem runs at ever smaller steps or tolerances (a climb), until it is dropped (`ladder.race`); methods are compared
 with methods and peers with peers.  For every accuracy the climbs are interpolated (`ladder.bracket`), and on each side
-the finalists, at most `FINALISTS` within the factor `MARGIN` of the least cost, are refined (`ladder.refine`).  The
+the finalists, at most `FINALISTS` within the factor `MARGIN` of the least cost, are refined (`race.refine`).  The
 widest step is not always the fastest: implicit equations may take so many iterations there that a shorter one is used.
 The finalists are timed in turns, and again later, at their stored sizes, in other processes (`sweep_again`; `joined`
 joins such sweeps).  Of a few scenes all is measured a second time from scratch (`again`).
@@ -22,9 +22,7 @@ import numpy as np
 from phasebench.benchmarks.ladder import race
 from phasebench.benchmarks.ladder.bracket import cost
 from phasebench.benchmarks.ladder.competitors import able, competitors, ours
-from phasebench.benchmarks.ladder.final import rounds
-from phasebench.benchmarks.ladder.race import Climb, Known
-from phasebench.benchmarks.ladder.refine import refine
+from phasebench.benchmarks.ladder.race import Climb, Known, refine, rounds
 from phasebench.benchmarks.ladder.rung import Rung, Task
 from phasebench.benchmarks.measure import clock, timing, truths
 from phasebench.benchmarks.measure.integrator import Integrator
