@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +22,10 @@ from phasebench.benchmarks.ladder.trial import Trial
 from phasebench.benchmarks.measure.clock import Sharing
 from phasebench.benchmarks.measure.compilation import failure_summary
 from phasebench.benchmarks.measure.conservation_claims import ENERGY, EPS, SYMPLECTIC
-from phasebench.benchmarks.measure.integrator import OURS, integrator
+from phasebench.benchmarks.measure.integrator import OURS, Integrator, integrator
 from phasebench.benchmarks.measure.quantities import END_STATE, TRAJECTORY, Truth
 from phasebench.benchmarks.measure.timing import in_turns, median
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.driver import OK
 from phasebench.integrators.systems import singularities
 from phasebench.reference.solvers.watch import TooLong, watching
@@ -35,10 +36,6 @@ from .deadline import TimeUp, deadline
 from .hunt import LONGEST, MIDDLE, Candidate, Search
 from .known import KNOWN, true_value
 from .portfolio import FIRST, Dropped, portfolio
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.measure.integrator import Integrator
-    from phasebench.benchmarks.problems.base import Problem
 
 #: Finalists are within the factor WITHIN of the cheapest, at most FINALISTS; ROUNDS are the fewest and most rounds.
 WITHIN, FINALISTS, ROUNDS = 1.6, 6, (2, 9)

@@ -6,19 +6,17 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from phasebench.benchmarks.measure import conservation_claims
 from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.measure.quantities import Quantity
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.problems.units import span
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.request import is_finite, shown
 
 from . import prior
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
 
 
 @dataclass(frozen=True)

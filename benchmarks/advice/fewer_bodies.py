@@ -11,7 +11,7 @@ step that meets the rest of the accuracy, timed in turns with the full system.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,14 +23,12 @@ from phasebench.benchmarks.measure.body_quantities import SPACE
 from phasebench.benchmarks.measure.quantities import Quantity, Truth
 from phasebench.benchmarks.measure.timing import in_turns, median
 from phasebench.benchmarks.problems.bodies import Bodies
+from phasebench.benchmarks.problems.planetary import PlanetarySystem
 from phasebench.reference.solvers.attracting import Attracting
 from phasebench.reference.solvers.taylor import ReferenceFailed
 
 from .ask import Ask
 from .hunt import Candidate
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.planetary import PlanetarySystem
 
 #: A model's error may be this share of the accuracy; the round-off of its runs this share of that.
 SHARE, ROUNDING = 0.5, 0.2

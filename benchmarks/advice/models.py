@@ -15,6 +15,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.problems.models.ladders import BY_ID
 from phasebench.benchmarks.store.shipped import ShippedTable
 
@@ -23,8 +24,6 @@ from .ask import Ask
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from phasebench.benchmarks.problems.base import Problem
 
 #: Spans are equal up to this relative difference.
 SAME = 1e-9

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.problems.base import Problem
 
 from .ask import Ask
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
 
 
 def problem_arguments(problem: Problem, name: str | None = None) -> list[str] | None:

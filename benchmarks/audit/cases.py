@@ -11,13 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from phasebench.benchmarks.measure.integrator import Integrator
-    from phasebench.benchmarks.problems.base import Problem
+from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.problems.base import Problem
 
 #: Methods of this project that every audit includes: their proved properties must be confirmed.
 CONTROLS = ("stormer-verlet", "rk4", "scheme-iii", "gauss-2")

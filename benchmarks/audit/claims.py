@@ -7,18 +7,13 @@ A package that does better than it claims understates, which is no contradiction
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
 
 from phasebench.benchmarks.judge import decide
 from phasebench.benchmarks.judge.evidence import agrees, has, keeps_structure
 from phasebench.benchmarks.judge.verdict import UNDERSTATED, UNJUDGED
-from phasebench.benchmarks.measure.integrator import integrator
-from phasebench.integrators.record import BOUNDED, DRIFT
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.measure.integrator import Integrator
-    from phasebench.integrators.record import Method
-    from phasebench.reference.peers import Peer
+from phasebench.benchmarks.measure.integrator import Integrator, integrator
+from phasebench.integrators.record import BOUNDED, DRIFT, Method
+from phasebench.reference.peers import Peer
 
 KEPT = {"symplecticity": "symplectic", "reversibility": "reversible"}
 

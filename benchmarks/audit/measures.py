@@ -25,22 +25,18 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasebench.benchmarks.judge.evidence import BROKEN
 from phasebench.benchmarks.measure import conservation, linear_stability, metrics, step_map
 from phasebench.benchmarks.measure.accuracy import end_state
-from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.measure.integrator import Integrator, integrator
+from phasebench.integrators.keywords import State
+from phasebench.integrators.solution import Solution
 
 from . import cases
 from .cases import EPS, Case
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.measure.integrator import Integrator
-    from phasebench.integrators.keywords import State
-    from phasebench.integrators.solution import Solution
 
 #: The ladder of an order: numbers of steps between rows, of which a run has `cases.ROWS`.
 LADDER = tuple(sorted({round(2 ** (k / 2)) for k in range(23)}))

@@ -11,18 +11,14 @@ import contextlib
 import time
 from functools import cache
 from math import isfinite
-from typing import TYPE_CHECKING
 
-from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.store.workers import LATE, Worker
+from phasebench.integrators.record import Method
 from phasebench.reference.installed import version_of
+from phasebench.reference.peers import Peer
 
 from . import cases, measures
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.measure.integrator import Integrator
-    from phasebench.integrators.record import Method
-    from phasebench.reference.peers import Peer
 
 #: Time limit in seconds for loading a package and compiling a peer for its cases.
 LOADING = 120.0

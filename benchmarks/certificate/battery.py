@@ -10,16 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from phasebench.benchmarks.measure.battery import PARTS, RIGID, SYSTEMS, coupled_double_well, tao
-from phasebench.integrators.systems.hamiltonian import Hamiltonian
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from phasebench.benchmarks.problems.base import Problem
+from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
 #: The most by which a seed moves a component of a state.
 MOVED = 0.02

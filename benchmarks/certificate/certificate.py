@@ -9,11 +9,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from phasebench.benchmarks.judge import judge
 from phasebench.benchmarks.judge.evidence import Tables
-from phasebench.benchmarks.measure.integrator import AnyProblem
+from phasebench.benchmarks.measure.integrator import AnyProblem, Integrator
+from phasebench.benchmarks.measure.own_step import OwnStep
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.integrators.keywords import check_names
 from phasebench.integrators.record import Method
@@ -22,13 +23,7 @@ from phasebench.reference.peers import Peer
 from . import battery, limited
 from .measures import Run, fill_tables
 from .result import Certificate
-from .subject import subject
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.measure.integrator import Integrator
-    from phasebench.benchmarks.measure.own_step import OwnStep
-
-    from .subject import Subject
+from .subject import Subject, subject
 
 
 def _certificate(run: Run, times: list[dict]) -> Certificate:

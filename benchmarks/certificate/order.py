@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -29,12 +29,10 @@ from phasebench.benchmarks.judge.requirements import ROUNDED
 from phasebench.benchmarks.measure import metrics, multiprecision
 from phasebench.benchmarks.measure.coefficients import DIGITS_EXPLAIN
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number, vector
+from phasebench.integrators.values.kinds import Number
 
 from .battery import LADDER, SPAN, Entry
 from .stepping import DIGITS, LastDigits, Stepper, numerical_failures
-
-if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number
 
 #: Terms of the error's series, the spacing of its steps h, and the digits that their differences need.
 TERMS, CLOSE, SERIES_DIGITS = 8, 2.0**-40, 240
@@ -115,11 +113,6 @@ def series(stepper: Stepper, seed: int) -> Series:
         pairs = list(zip(error, size, strict=True))[1 : TERMS + 1]
         sizes = stepper.entry.sizes
         return Series(tuple(float(max(abs(c) / sizes) / max(abs(f) / sizes)) for c, f in pairs))
-
-
-def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
-    """Integrate one span with more and more steps: h, the errors at its end (NaN if it failed), and their round-off."""
-    return _ladder(*ladder_errors(stepper, seed, noise))
 
 
 def _ladder(steps: np.ndarray, away: np.ndarray, noise: float) -> dict:

@@ -9,7 +9,7 @@ are more; unlike times (`times`) they do not depend on the machine.
 from __future__ import annotations
 
 from math import inf, isfinite
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from phasebench.benchmarks.ladder.bracket import evaluations_for
 from phasebench.benchmarks.ladder.climb import climb, idle, numbers_of_steps, tolerances
 from phasebench.benchmarks.measure import own_step, truths
 from phasebench.benchmarks.measure.quantities import END_STATE
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.problems.questions import BY_ID as QUESTIONS
 from phasebench.benchmarks.problems.questions import Question
 from phasebench.integrators.driver import OK
@@ -25,9 +26,6 @@ from . import adaptive, fronts
 from .battery import Entry
 from .stepping import Stepper, numerical_failures
 from .subject import Subject
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
 
 #: The most evaluations of a run; the number of runs without a smaller error that ends a ladder.
 MOST, IDLE = 40_000, 2

@@ -9,21 +9,17 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mpmath
 import numpy as np
 
+from phasebench.benchmarks.measure.own_step import System
 from phasebench.integrators.compile.codegen import precision
+from phasebench.integrators.values.kinds import Number
 
-from .stepping import StepFailed, report_failures
+from .stepping import Exact, StepFailed, report_failures
 from .subject import Subject
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.measure.own_step import System
-    from phasebench.integrators.values.kinds import Number
-
-    from .stepping import Exact
 
 #: The most calls recorded, and how many of the first calls are always recorded.
 MOST, FIRST = 800, 24

@@ -16,21 +16,19 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import log2
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from phasebench.benchmarks.judge.evidence import shows_structure
 from phasebench.benchmarks.measure.own_step import System
 from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 from .battery import Entry
 from .stepping import StepFailed, Stepper
 from .structure import DEFECTS, measure_defect
 from .subject import Subject
-
-if TYPE_CHECKING:
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Draws, and the most gradient evaluations that they may take together.
 DRAWS, EVALUATIONS = 600, 16_000

@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gmpy2
 import numpy as np
@@ -22,13 +22,11 @@ from phasebench.benchmarks.measure.coefficients import LAST_DIGIT
 from phasebench.benchmarks.measure.particle_step import Particle
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, to_number, vector
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from phasebench.integrators.values.kinds import Number
 
 from .battery import Entry
 from .subject import Subject
-
-if TYPE_CHECKING:
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
-    from phasebench.integrators.values.kinds import Number
 
 #: A unit of the last of 15 digits is 1 to 10 times `LAST_DIGIT` of the number: about this many.
 TYPED = 3

@@ -15,19 +15,16 @@ A step on constraints is measured on their manifold: symplecticity is that of ta
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasebench.benchmarks.judge.evidence import EPS, between, shows_structure
 from phasebench.benchmarks.measure import step_map
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number
+from phasebench.integrators.values.kinds import Number
 
 from .order import flow
 from .stepping import DIGITS, StepFailed, Stepper
-
-if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Number
 
 #: The steps h, dyadic: the second is used if the first decides nothing.
 STEPS = (0.5, 0.125)

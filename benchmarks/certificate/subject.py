@@ -11,28 +11,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from phasebench.benchmarks.judge.evidence import EPS
 from phasebench.benchmarks.measure import coefficients, own_step
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
-from phasebench.benchmarks.measure.own_step import OwnStep
+from phasebench.benchmarks.measure.own_step import OwnStep, System
 from phasebench.benchmarks.problems import user_file
 from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.names import unknown_method
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID as METHODS
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from phasebench.integrators.values.kinds import Number
 from phasebench.reference.peers import BY_ID as PEERS
 from phasebench.reference.peers import Peer
 
 from . import battery
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from phasebench.benchmarks.measure.own_step import System
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
-    from phasebench.integrators.values.kinds import Number
-
     from .stepping import Exact
 
 NAMED = re.compile(r"^[A-Za-z_][\w.]*:[A-Za-z_][\w.]*$")

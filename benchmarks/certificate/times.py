@@ -24,12 +24,16 @@ from dataclasses import dataclass
 from itertools import groupby
 from math import inf, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.ladder.race import REFERENCE
 from phasebench.benchmarks.measure import timing
 from phasebench.benchmarks.measure.compilation import Failed, NotCompiled, failure_summary, naming
+from phasebench.benchmarks.measure.own_step import System
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.store.shipped import ShippedTable
 from phasebench.integrators.driver import OK
 from phasebench.integrators.prepared import prepare
@@ -38,12 +42,6 @@ from phasebench.integrators.record import Method
 from . import fronts
 from .place import own, scene_parts
 from .subject import Subject, subject
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from phasebench.benchmarks.measure.own_step import System
-    from phasebench.benchmarks.problems.base import Problem
 
 #: Rounds of a timing, and how often the reference, which takes microseconds, is run in each.
 ROUNDS, INNER = 9, 50

@@ -11,19 +11,7 @@ import typer
 
 from . import options
 from .integrate import made
-from .shared import (
-    WRONG,
-    complain,
-    invalid_input,
-    numbers,
-    out,
-    print_json,
-    show,
-    telling,
-    time_of,
-    values,
-    warn,
-)
+from .shared import WRONG, complain, invalid_input, numbers, out, print_json, say, show, telling, time_of, values, warn
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -147,7 +135,7 @@ def _print(answer: dict[str, Any], why: bool = False) -> None:
     wanted = f"{answer['quantity']} of {answer['problem']} to t = {answer['t_end']:g}"
     if answer["choice"] is None:
         why_not = f"{'incomplete: ' if answer['incomplete'] else ''}{answer['why']}"
-        out.print(f"No advice for the {wanted}: {why_not}.", highlight=False, markup=False, soft_wrap=True)
+        say(f"No advice for the {wanted}: {why_not}.")
         _dropped(answer["dropped"], why)
         return
     for note in answer["notes"]:
@@ -163,13 +151,13 @@ def _print(answer: dict[str, Any], why: bool = False) -> None:
     elif answer["verified"]:
         state = "verified: run again; a conserved quantity is compared with its own start"
     state += "; incomplete" if answer["incomplete"] else ""
-    out.print(state, highlight=False, markup=False, soft_wrap=True)
+    say(state)
     if answer["lower_model"]:
         from phasebench.benchmarks.advice.models import summarize
 
-        out.print(summarize(answer["lower_model"]), highlight=False, markup=False, soft_wrap=True)
+        say(summarize(answer["lower_model"]))
     _dropped(answer["dropped"], why)
-    out.print(f"\n{answer['choice']['command']}", highlight=False, markup=False, soft_wrap=True)
+    say(f"\n{answer['choice']['command']}")
 
 
 def _roles(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
@@ -215,7 +203,7 @@ def _dropped(dropped: list[dict[str, str]], each: bool) -> None:
     kinds = Counter(_kind(d["why"]) for d in dropped)
     text = ", ".join(f"{n} {kind}" for kind, n in kinds.most_common())
     if text:
-        out.print(f"not advised: {text}", highlight=False, markup=False, soft_wrap=True)
+        say(f"not advised: {text}")
     missing = {d["why"].split()[0] for d in dropped if _kind(d["why"]) == NOT_INSTALLED and can_be_installed(d)}
     if missing:
         from phasebench.reference.native import LIBRARIES
@@ -223,16 +211,16 @@ def _dropped(dropped: list[dict[str, str]], each: bool) -> None:
         ways = [LIBRARIES[name].install for name in sorted(missing & LIBRARIES.keys())]
         packages = " ".join(sorted(missing - LIBRARIES.keys()))
         ways += [f"pip install {packages}"] if packages else []
-        out.print(f"to try those, too: {'; '.join(ways)}", highlight=False, markup=False, soft_wrap=True)
+        say(f"to try those, too: {'; '.join(ways)}")
     if each:
         for d in sorted(dropped, key=lambda d: (_kind(d["why"]), d["integrator"])):
-            out.print(f"  {d['integrator']}: {d['why']}", highlight=False, markup=False, soft_wrap=True)
+            say(f"  {d['integrator']}: {d['why']}")
         return
     if text:
         out.print("--why lists them all", highlight=False, markup=False)
     tried = [d for d in dropped if _kind(d["why"]) in ("too slow", "failed")]
     for d in tried[:REASONS]:
-        out.print(f"  {d['integrator']}: {d['why']}", highlight=False, markup=False, soft_wrap=True)
+        say(f"  {d['integrator']}: {d['why']}")
 
 
 def _kind(why: str) -> str:

@@ -9,7 +9,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from . import options
-from .shared import WRONG, err, invalid_input, out, print_json, telling, time_of
+from .shared import WRONG, err, invalid_input, out, print_json, say, telling, time_of
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -121,7 +121,7 @@ def _one(name: str, end: str, time_limit: float, as_json: bool) -> bool:
     if as_json:
         print_json(_state(made, new))
     else:
-        out.print("\n".join(_lines(made, new)), highlight=False, soft_wrap=True, markup=False)
+        say("\n".join(_lines(made, new)))
     return new.ends[0].agree
 
 

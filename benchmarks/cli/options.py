@@ -6,6 +6,7 @@ follows.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,17 +14,8 @@ import typer
 
 from . import completion
 
-PROBLEM_HELP = "A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."
-OUTPUT_HELP = "Write the result there."
 TIME_LIMIT_HELP = "Stop after this many seconds of the clock."
-END_TIME_HELP = 'End time, a number; with a unit where the problem has one: "1e4 yr".'
-QUANTITY_HELP = "Whose error: end-state, trajectory, energy, or a quantity that the problem names."
-METHOD_HELP = "A method, a peer, or your own step, ./mine.py (not on scenes); repeat it."
-QUICK_HELP = "Measure a small selection."
-JOBS_HELP = "Number of parallel processes."
-REQUIRES_HELP = "A trait of systems, such as separable."
-PACKAGE_HELP = "A package of peers, such as rebound."
-REPORTS_HELP = "A folder of reports, with their data."
+PROBLEM_HELP = "A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."
 
 
 def problem_argument(metavar: str = "PROBLEM", help: str = PROBLEM_HELP) -> Any:
@@ -36,53 +28,46 @@ def method_argument(help: str) -> Any:
     return typer.Argument(metavar="METHOD", help=help, autocompletion=completion.methods_and_peers)
 
 
-def time_limit(more: str) -> Any:
-    """The typer option --time-limit; ``more`` tells in its help what happens at the limit, and the default."""
-    return typer.Option("--time-limit", metavar="SECONDS", help=f"{TIME_LIMIT_HELP} {more}")
+def _option(name: str, metavar: str | None, first: str, **settings: Any) -> Callable[..., Any]:
+    """A function that makes the typer option of this name; its argument is added to the first sentence of the help."""
+
+    def option(more: str = "") -> Any:
+        return typer.Option(name, metavar=metavar, help=f"{first} {more}".strip(), **settings)
+
+    return option
+
+
+time_limit = _option("--time-limit", "SECONDS", TIME_LIMIT_HELP)
+quantity = _option(
+    "--quantity", "NAME", "Whose error: end-state, trajectory, energy, or a quantity that the problem names."
+)
+quick = _option("--quick", None, "Measure a small selection.")
+jobs = _option("--jobs", "NUMBER", "Number of parallel processes.", min=0)
+requires = _option("--requires", "TRAIT", "A trait of systems, such as separable.")
+package = _option("--package", "NAME", "A package of peers, such as rebound.")
+problem_option = _option("--problem", "NAME", "A problem, such as kepler.", autocompletion=completion.problems)
 
 
 def output(metavar: str, more: str) -> Any:
     """The typer option --output; ``more`` tells in its help what is written, and to files of which endings."""
-    return typer.Option("--output", metavar=metavar, help=f"{OUTPUT_HELP} {more}")
-
-
-def quantity(more: str = "") -> Any:
-    """The typer option --quantity, which names the quantity whose error is wanted; ``more`` is added to its help."""
-    return typer.Option("--quantity", metavar="NAME", help=f"{QUANTITY_HELP} {more}".strip())
-
-
-def quick(more: str) -> Any:
-    """The typer option --quick; ``more`` tells in its help which selection is measured."""
-    return typer.Option("--quick", help=f"{QUICK_HELP} {more}")
-
-
-def jobs(more: str) -> Any:
-    """The typer option --jobs; ``more`` tells in its help what the parallel processes do, and the default."""
-    return typer.Option("--jobs", metavar="NUMBER", min=0, help=f"{JOBS_HELP} {more}")
-
-
-def requires(more: str) -> Any:
-    """The typer option --requires, which names a trait of systems such as separable; ``more`` is added to its help."""
-    return typer.Option("--requires", metavar="TRAIT", help=f"{REQUIRES_HELP} {more}")
-
-
-def package(more: str) -> Any:
-    """The typer option --package, which names a package of integrators; ``more`` is added to its help."""
-    return typer.Option("--package", metavar="NAME", help=f"{PACKAGE_HELP} {more}")
-
-
-def problem_option(more: str) -> Any:
-    """The typer option --problem; ``more`` is added to its help."""
-    return typer.Option(
-        "--problem", metavar="NAME", help=f"A problem, such as kepler. {more}", autocompletion=completion.problems
-    )
+    return typer.Option("--output", metavar=metavar, help=f"Write the result there. {more}")
 
 
 Problem = Annotated[str | None, problem_argument()]
-EndTime = Annotated[str | None, typer.Option("--t-end", metavar="TIME", help=END_TIME_HELP)]
+EndTime = Annotated[
+    str | None,
+    typer.Option(
+        "--t-end", metavar="TIME", help='End time, a number; with a unit where the problem has one: "1e4 yr".'
+    ),
+]
 Methods = Annotated[
     list[str],
-    typer.Option("--method", metavar="NAME", help=METHOD_HELP, autocompletion=completion.methods_and_peers),
+    typer.Option(
+        "--method",
+        metavar="NAME",
+        help="A method, a peer, or your own step, ./mine.py (not on scenes); repeat it.",
+        autocompletion=completion.methods_and_peers,
+    ),
 ]
 Parameters = Annotated[
     list[str],
@@ -122,5 +107,5 @@ Coordinates = Annotated[
 Momenta = Annotated[
     str | None, typer.Option("--p", metavar="NUMBERS", help="Initial momenta: 0.1,0. Default: those of the problem.")
 ]
-Reports = Annotated[Path, typer.Option("--reports", metavar="FOLDER", help=REPORTS_HELP)]
+Reports = Annotated[Path, typer.Option("--reports", metavar="FOLDER", help="A folder of reports, with their data.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, numbers in full precision.")]

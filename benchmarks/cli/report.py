@@ -12,7 +12,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from . import options
-from .shared import WRONG, invalid_input, out
+from .shared import WRONG, invalid_input, say
 
 
 def report(
@@ -51,12 +51,12 @@ def report(
         if check:
             other = pages.check(reports)
             for name in other:
-                out.print(f"{name}: not what the tables give", highlight=False, markup=False, soft_wrap=True)
+                say(f"{name}: not what the tables give")
             raise typer.Exit(WRONG if other else 0)
         with _written(reports):
             entry = pages.build(reports, html_folder=html)
     read = f"read {html / 'index.html' if html else entry}"
-    out.print(read, highlight=False, markup=False, soft_wrap=True)
+    say(read)
 
 
 @contextmanager

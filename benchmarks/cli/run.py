@@ -13,7 +13,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from . import options
-from .shared import check_file, err, invalid_input, out, telling, time_of, warn
+from .shared import check_file, err, invalid_input, out, say, telling, time_of, warn
 
 
 def run(
@@ -75,11 +75,11 @@ def run(
         with closing(cluster) if cluster else nullcontext(), screen.progress(sys.stderr) as progress:
             entries, failed, there = lines.measure(output, cells, progress, jobs, cluster)
     for line in failed:
-        err.print(line, highlight=False, markup=False, soft_wrap=True)
+        say(line, err)
     rows = [row for e in entries.values() for row in e.rows["rows"]]
     if there:
         there_ = f"{there} of {len(cells)} cells are in {output} already, of this version of the code"
-        err.print(there_, highlight=False, markup=False, soft_wrap=True)
+        say(there_, err)
     _tell_rows(rows, output)
     if failed:
         raise typer.Exit(1)
@@ -126,7 +126,7 @@ def _refuse_other_rows(output: Path, of_scenes: bool) -> None:
 def _tell_rows(rows: list[dict], output: Path) -> None:
     ends = Counter(r["status"] for r in rows)
     told = f"{len(rows)} rows in {output}: " + ", ".join(f"{n} {s}" for s, n in ends.items())
-    out.print(told, highlight=False, markup=False, soft_wrap=True)
+    say(told)
 
 
 def _announce(cells: list) -> None:

@@ -38,6 +38,11 @@ def invalid_input(report: Callable[[str], None] | None = None) -> Iterator[None]
         raise typer.Exit(INVALID) from None
 
 
+def say(text: str, console: Console = out) -> None:
+    """Print text as it is: not folded, no word of it in colour, brackets no markup."""
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
 def complain(message: str) -> None:
     """Print on stderr what is wrong with the input; brackets in it are no markup."""
     from rich.markup import escape
@@ -94,13 +99,13 @@ def telling(what: str) -> Iterator[Callable[[str], None]]:
         return
     last, pause = time.monotonic(), PAUSE
 
-    def say(line: str) -> None:
+    def tell(line: str) -> None:
         nonlocal last, pause
         if time.monotonic() - last > pause:
             last, pause = time.monotonic(), min(2 * pause, LONGEST_PAUSE)
-            err.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
+            say(f"  {line}", err)
 
-    yield say
+    yield tell
 
 
 def print_json(value: object) -> None:

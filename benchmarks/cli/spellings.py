@@ -7,7 +7,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
-from .shared import err
+from .shared import err, say
 
 #: Command -> {old spelling: new spelling}.
 OLD: dict[str, dict[str, str]] = {
@@ -30,7 +30,7 @@ class Command(TyperCommand):
         """Put new spellings in place of old ones, say so on stderr, and parse the arguments."""
         args, notices = translate(args, OLD.get(self.name or "", {}))
         for notice in () if ctx.resilient_parsing else notices:
-            err.print(notice, highlight=False, markup=False, soft_wrap=True)
+            say(notice, err)
         return super().parse_args(ctx, args)
 
 

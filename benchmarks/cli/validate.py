@@ -11,7 +11,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from . import completion, options
-from .shared import WRONG, compilation_shown, invalid_input, out, print_json, telling, warn, width
+from .shared import WRONG, compilation_shown, invalid_input, out, print_json, say, telling, warn, width
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.certificate.result import Certificate
@@ -122,7 +122,7 @@ def _print(found: Certificate, output: Path | None) -> None:
 
 def _say(text: str) -> None:
     for line in text.splitlines():
-        out.print(folded(line), highlight=False, markup=False, soft_wrap=True)
+        say(folded(line))
 
 
 def folded(line: str) -> str:

@@ -9,7 +9,7 @@ from phasebench.integrators.errors import InvalidInput
 
 from . import options
 from .integrate import made
-from .shared import check_file, invalid_input, numbers, out, print_json, show, telling, time_of, values, warn
+from .shared import check_file, invalid_input, numbers, print_json, say, show, telling, time_of, values, warn
 
 
 def workprecision(
@@ -67,4 +67,4 @@ def workprecision(
     show(f"seconds for an {found.title}", list(found.table()))
     if output is not None:
         more = f", with the first {CURVES} of {len(found.methods)}" if len(found.methods) > CURVES else ""
-        out.print(f"written {output}{more}", highlight=False, markup=False, soft_wrap=True)
+        say(f"written {output}{more}")

@@ -7,7 +7,7 @@ but not in the stored tables: their numbers change with releases of their packag
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -16,13 +16,10 @@ from phasebench.benchmarks.ladder import sweep
 from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.variants import variants
 from phasebench.benchmarks.problems import problem as problem_of
-from phasebench.benchmarks.problems.scenes import SCENES
+from phasebench.benchmarks.problems.scenes import SCENES, Scene
 from phasebench.benchmarks.store import compare, error_tables
+from phasebench.benchmarks.store.cells import Cell
 from phasebench.integrators.registry import METHODS, method
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.scenes import Scene
-    from phasebench.benchmarks.store.cells import Cell
 
 KEYS = ["method", "h"]
 TRAJECTORY = ("global_error", "refinement_difference")

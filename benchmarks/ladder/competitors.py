@@ -13,19 +13,16 @@ On problems of more than `SMALL` degrees of freedom only some of this project's 
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
 
 from phasebench.benchmarks.measure.integrator import OURS, Integrator, integrator
 from phasebench.benchmarks.measure.variants import variants
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.record import Method
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 from phasebench.reference.peers import PEERS, heyoka, rebound, scipy
 
 from . import peer_rows
 from .trial import exact
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
-    from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 #: Registered peer that does not compete -> the reason.
 LEFT_OUT = {

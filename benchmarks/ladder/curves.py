@@ -8,21 +8,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import dropwhile
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.compilation import FAILED, compilation_error
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.quantities import Quantity, Truth
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.solvers.taylor import ReferenceFailed
 
 from .climb import climb, idle, numbers_of_steps, tolerances
 from .rung import Rung, Task
 from .trial import MOST, Trial
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
 
 #: Ratio of successive numbers of steps.
 FINER = 1.6

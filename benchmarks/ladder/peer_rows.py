@@ -12,21 +12,19 @@ from __future__ import annotations
 
 import statistics
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from phasebench.benchmarks.measure.accuracy import head, invariants, trajectory_error, truth
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.problems.scenes import DRIFT, Scene
 from phasebench.integrators.driver import INVALID, OK, SKIPPED
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.solution import Solution
 from phasebench.reference.installed import how_to_install
 from phasebench.reference.peers import PEERS, Peer, integrate_peer
 from phasebench.reference.peers.record import NotHere
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
-    from phasebench.integrators.solution import Solution
 
 #: The peers' packages that this project depends on.
 PACKAGES = ("heyoka", "rebound", "scipy")

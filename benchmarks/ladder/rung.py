@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from phasebench.benchmarks.measure import clock, quantities
 from phasebench.benchmarks.measure.integrator import Integrator
@@ -14,9 +14,7 @@ from phasebench.benchmarks.measure.quantities import Quantity, Truth
 from phasebench.integrators.driver import INVALID, OK
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
-
-if TYPE_CHECKING:
-    from phasebench.integrators.solution import Solution
+from phasebench.integrators.solution import Solution
 
 #: Shorter runs are timed by `measure.clock`; a longer run without output rows counts with its own seconds.
 SHORT = 0.05

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasebench.benchmarks.measure import quantities
 from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.driver import DIVERGED, OK
 from phasebench.integrators.errors import InvalidInput
 
 from .rung import Rung, Task
-
-if TYPE_CHECKING:
-    from phasebench.benchmarks.problems.base import Problem
 
 #: Share of the span over which a run that may take long is tried first.
 PART = 1 / 50

@@ -8,17 +8,15 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, is_dataclass
 from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mpmath
 
 from phasebench.benchmarks.problems import PROBLEMS
 from phasebench.integrators.compile import digest
+from phasebench.integrators.record import Method
 from phasebench.reference.certificates import stored
 from phasebench.reference.installed import version_of
-
-if TYPE_CHECKING:
-    from phasebench.integrators.record import Method
 
 #: Where a cell is measured: on all cores; on all cores, without Numba; alone on the machine, because it is timed.
 POOL, UNCOMPILED, ALONE = "pool", "uncompiled", "alone"

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from phasebench import reference
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.reference.files import write_file
 from phasebench.reference.installed import version_of
 
@@ -25,8 +26,6 @@ from .tables import as_csv
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from phasebench.benchmarks.problems.base import Problem
 
 DIRECTORY = Path(reference.__file__).with_name("tables")
 REMEDY = "to record it anew: python -m pytest benchmarks --update-tables"

@@ -11,15 +11,14 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.files import write_file
 
 from .cells import Rows
-
-if TYPE_CHECKING:
-    import numpy as np
 
 
 @dataclass(frozen=True)

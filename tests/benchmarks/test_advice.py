@@ -213,6 +213,12 @@ def test_energy_advice_reports_the_end_state_error():
     wide, fine = (advise(asked, portfolio_of=only(id)) for id in ("scheme-v", "heyoka"))
     assert wide["choice"]["error"] <= 1e-8 < 0.01 < wide["choice"]["end_state_error"]
     assert fine["choice"]["end_state_error"] < 1e-6
+    ends = [
+        pb.integrate("henon-heiles:box", id, t_end=1000.0, save_every=0, **size)
+        for id, size in (("scheme-v", {"steps": wide["choice"]["steps"]}), ("heyoka", {}))
+    ]
+    apart = max(np.abs(getattr(ends[0], x)[-1] - getattr(ends[1], x)[-1]).max() for x in "qp")
+    assert wide["choice"]["end_state_error"] == pytest.approx(apart, rel=1e-6)
     assert [len(found["notes"]) for found in (wide, fine)] == [1, 0]
 
 
@@ -383,7 +389,10 @@ def test_advice_for_a_hamiltonian_of_the_user():
     frame = found.to_frame()
     assert found.verified is frame.attrs["verified"] is True
     assert found.choice.error <= found.accuracy == 1e-3
-    assert found.plot().axes[0].get_xlabel() == "error of the end-state"
+    (axes,) = found.plot().axes
+    assert axes.get_xlabel() == "error of the end-state"
+    drawn = next(line for line in axes.lines if line.get_label().startswith("choice"))
+    assert (*drawn.get_xdata(), *drawn.get_ydata()) == (found.choice.error, found.choice.seconds)
     assert frame["role"].tolist() == [role for role in tables.ROLES if found.answer[role] is not None]
     assert {"choice", "own", "peer", "next"} <= {*frame["role"]}
     command = frame["command"].iloc[0]

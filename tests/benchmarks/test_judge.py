@@ -250,6 +250,14 @@ def adaptive(*errors):
     return {"tolerance": [{"on": "tao", "tolerances": [1e-4, 1e-10], "errors": list(errors)}], "order": []}
 
 
+def defect(size=1e-16):
+    return {"symplectic": [KEPT | {"on": "tao", "value": size}]}
+
+
+def jump(size):
+    return defect() | {"jumps": [{"on": "tao", "value": size, "floor": 1e-13, "h": 0.5}]}
+
+
 ELSEWHERE = {"on": "tao", "separable": False}
 FAILED = {"on": "tao", "status": "failed", "reason": "with -h: no"}
 INCONSISTENT = orders(2.0, 2.0, terms=(1.0, 1e-17))
@@ -283,6 +291,11 @@ INCONSISTENT = orders(2.0, 2.0, terms=(1.0, 1e-17))
         ("symplectic", False, {"symplectic": [KEPT | {"on": "a"}, BROKEN | ELSEWHERE]}, HOLDS),
         ("symplectic", False, {"symplectic": [KEPT | {"on": "a"}]}, CONTRADICTED),
         *(("symplectic", x, {"symplectic": [KEPT | ELSEWHERE]} | INCONSISTENT, UNJUDGED) for x in (True, False)),
+        *(("symplectic", True, defect(x), v) for x, v in ((0.9e-13, HOLDS), (2e-13, UNJUDGED), (2e-11, CONTRADICTED))),
+        *(("symplectic", True, jump(x), v) for x, v in ((0.0, HOLDS), (2e-13, UNJUDGED), (2e-11, CONTRADICTED))),
+        ("symplectic", True, defect(9e-12), UNJUDGED),
+        ("symplectic", True, defect() | long_runs(STAYS), HOLDS),
+        ("symplectic", True, defect() | long_runs(DRIFTS), UNJUDGED),
         ("energy", "preserved", long_runs(TINY), HOLDS),
         ("energy", "preserved", long_runs(TINY, STAYS), CONTRADICTED),
         ("energy", "bounded", long_runs(STAYS, LOST), UNJUDGED),

@@ -39,14 +39,6 @@ def test_every_scene_has_a_stored_truth():
         assert (true.texts, true.uncertainty) == ((*end.q_text, *end.p_text), end.uncertainty)
 
 
-def test_regular_scene_is_measured_at_its_end():
-    row = sweep.measure(sweep.Task(SCENE.id, "rk4", (), 0.03), repeats=1)
-    assert (row["reference_horizon"], row["global_error_time"]) == (SCENE.t_end, SCENE.t_end)
-    made = problem(SCENE.problem)
-    end = integrate(made, "rk4", h=0.03, t_end=SCENE.t_end)
-    assert row["global_error"] == exactly(made, SCENE.t_end, end.q[-1], end.p[-1]) > 1e-9
-
-
 @pytest.mark.parametrize(("id", "size"), [("stormer-verlet", {"h": 0.05}), ("heyoka", {"h": None, "tol": 1e-15})])
 def test_chaotic_scene_is_measured_before_its_horizon(id, size):
     """The error is measured at the last stored time before the horizon, where long double is accurate to 1e-13."""

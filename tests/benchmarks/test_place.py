@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.certificate import fronts, place, times
+from phasebench.benchmarks.certificate import fronts, place, render, times
 from phasebench.benchmarks.certificate.subject import subject
+from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.ladder.bracket import evaluations_for
 from phasebench.benchmarks.measure import timing
 from phasebench.integrators.registry import BY_ID as METHODS
@@ -81,8 +82,8 @@ def rank(monkeypatch, errors, adaptive=False, each=2):
 
 
 def test_steps_double_and_the_factor_is_over_the_front(monkeypatch):
-    question = fronts.question("pendulum-short")
-    first = round(question.t_end / (4 * question.build_problem().pace.step))
+    question, made, _ = place.scene_parts("pendulum-short")
+    first = round(question.t_end / (4 * made.pace.step))
     row = rank(monkeypatch, [None, float("nan"), 1e-2, 1e-12])
     assert row["sizes"] == [4 * first, 8 * first]
     assert row["curve"] == [[8 * first, 1e-2], [16 * first, 1e-12]]
@@ -92,6 +93,8 @@ def test_steps_double_and_the_factor_is_over_the_front(monkeypatch):
     assert (line["cheapest"], line["its evaluations"]) == (best.integrator, best.evaluations)
     assert (row["on"], row["t_end"]) == ("pendulum-short", question.t_end)
     assert rank(monkeypatch, [0.5, 1e-3, 1.0, 1.0])["errors"][-1]["factor"] is None
+    shown = render._place(SimpleNamespace(tables=Tables({"place": [row]})))
+    assert shown["times as many"][0] == f"{line['factor']:.2g}"
 
 
 def test_adaptive_integrator_is_ranked_too():

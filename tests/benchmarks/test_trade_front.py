@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.ladder import competitors, race
-from phasebench.benchmarks.ladder.bracket import bracket, cheapest, cost
+from phasebench.benchmarks.ladder.bracket import bracket, cost
 from phasebench.benchmarks.ladder.race import Known, refine
 from phasebench.benchmarks.ladder.rung import Rung, Task
 from phasebench.benchmarks.measure.clock import Clocks
@@ -236,12 +236,6 @@ def test_refined_tolerance_just_meets_the_accuracy():
     found = refine(asked, law, one.rungs, wanted)
     assert found.error <= wanted
     assert 0.95 * wanted**0.5 <= found.tol <= wanted**0.5
-
-
-@pytest.mark.parametrize(("share", "stands"), [(0.85, 0), (0.75, 1)])
-def test_finer_step_is_selected_only_if_clearly_cheaper(share, stands):
-    rungs = [Rung(2**k, None, "ok", 10.0**-k, s, 2**k, 0) for k, s in enumerate((1e-3, share * 1e-3, 2e-3))]
-    assert cheapest(rungs) is rungs[stands]
 
 
 def test_rows_of_a_scene_list_steps_and_dropped_methods(monkeypatch):

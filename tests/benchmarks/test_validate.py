@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.certificate.certificate import certify
+from phasebench.benchmarks.certificate.times import runge_kutta
 from phasebench.benchmarks.judge import judge
 from support.evidence import verdicts
-from support.steps import leapfrog
+from support.steps import leapfrog, symplectic_euler
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SEPARABLE = ("separable",)
@@ -68,11 +69,6 @@ def test_every_example_is_tested():
 # -- correct steps --------------------------------------------------------------------------------------------
 
 
-def symplectic_euler(system, q, p, h):
-    p = p - h * system.dH_dq(q, p)
-    return q + h * system.dH_dp(q, p), p
-
-
 def splitting(drifts, kicks):
     def step(system, q, p, h):
         for a, b in zip(drifts, kicks, strict=True):
@@ -90,15 +86,6 @@ ruth = splitting((1, -2 / 3, 2 / 3), (-1 / 24, 3 / 4, 7 / 24))
 def slopes(system, y):
     q, p = np.split(y, 2)
     return np.concatenate([system.dH_dp(q, p), -system.dH_dq(q, p)])
-
-
-def rk4(system, q, p, h):
-    y = np.concatenate([q, p])
-    a = slopes(system, y)
-    b = slopes(system, y + h / 2 * a)
-    c = slopes(system, y + h / 2 * b)
-    d = slopes(system, y + h * c)
-    return np.split(y + h / 6 * (a + 2 * b + 2 * c + d), 2)
 
 
 def fixed_point(equation, y):
@@ -147,7 +134,7 @@ RIGHT = {
     "symplectic-euler": (symplectic_euler, SEPARABLE, {"order": 1, "symplectic": True, "symmetric": False}),
     "leapfrog": (leapfrog, SEPARABLE, {"order": 2, **WHOLE}),
     "ruth": (ruth, SEPARABLE, {"order": 3, "symplectic": True, "reversible": False}),
-    "rk4": (rk4, (), {"order": 4, "symplectic": False, "stability": 2.828}),
+    "rk4": (runge_kutta, (), {"order": 4, "symplectic": False, "stability": 2.828}),
     "averaged": (
         averaged_field,
         ("polynomial degree",),

@@ -13,15 +13,13 @@ from phasebench.benchmarks.certificate.certificate import certify
 from phasebench.benchmarks.certificate.jumps import jumps
 from phasebench.benchmarks.certificate.stepping import Stepper
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.judge.evidence import Tables
-from phasebench.benchmarks.judge.judge import judgements
 from phasebench.benchmarks.judge.requirements import below
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNJUDGED
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.integrators.compile.codegen import MULTIPRECISION
 from phasebench.integrators.errors import InvalidInput
 from support.evidence import verdicts
-from support.steps import leapfrog
+from support.steps import euler, leapfrog, symplectic_euler
 
 HENON_HEILES = battery.find_entry("henon-heiles")
 SEPARABLE = ("separable",)
@@ -37,15 +35,6 @@ def few_systems(monkeypatch):
 def build_integrator(step):
     """The integrator of a step that requires a separable system."""
     return subject(step, {}, SEPARABLE)
-
-
-def euler(system, q, p, h):
-    return q + h * system.dH_dp(q, p), p - h * system.dH_dq(q, p)
-
-
-def symplectic_euler(system, q, p, h):
-    p = p - h * system.dH_dq(q, p)
-    return q + h * system.dH_dp(q, p), p
 
 
 def why(certificate, name):
@@ -129,49 +118,6 @@ def test_jump_of_a_map_is_measured():
     assert small["floor"] < small["value"] < 100 * small["floor"]
 
 
-#: Made-up measurements of a correct step.
-GOOD = {
-    "runs": [{"on": "tao", "status": "ok", "reason": ""}],
-    "state": [{"on": "tao", "what": "the same step twice", "value": 0.0}],
-    "input": [{"on": "tao", "value": 0.0, "later": 0.0}],
-    "order": [{"on": "tao", "value": 2.0, "low": 2.0, "high": 2.0, "separable": True, "terms": [0.0, 0.0], "clean": 2}],
-    "symplectic": [{"on": "tao", "value": 1e-20, "floor": 1e-13, "own": 1e-2, "h": 0.5, "separable": True}],
-}
-
-
-def defect(size):
-    return {"symplectic": [GOOD["symplectic"][0] | {"value": size}]}
-
-
-def jump(size):
-    return {"jumps": [{"on": "tao", "value": size, "floor": 1e-13, "h": 0.5}]}
-
-
-def drift(slope):
-    energy = {"value": 1e-4, "time": 500.0, "scale": 1.0, "steps": 2400}
-    energy |= {"slope": slope, "low": slope - 1e-9, "high": slope + 1e-9}
-    return {"long": [{"on": "tao", "status": "ok", "energy": energy}]}
-
-
-@pytest.mark.parametrize(
-    ("rows", "expected"),
-    [
-        (jump(0.0), HOLDS),
-        (jump(2e-13), UNJUDGED),
-        (jump(2e-11), CONTRADICTED),
-        (defect(0.9e-13), HOLDS),
-        (defect(2e-13), UNJUDGED),
-        (defect(9e-12), UNJUDGED),
-        (defect(2e-11), CONTRADICTED),
-        (drift(0.0), HOLDS),
-        (drift(1.9e-7), UNJUDGED),
-    ],
-)
-def test_symplecticity_is_judged_beside_jumps_floors_and_drifts(rows, expected):
-    found = judgements({"symplectic": True}, Tables(GOOD | rows))
-    assert next(j for j in found if j.name == "symplectic").verdict == expected
-
-
 # -- other states, units and precisions -------------------------------------------------------------------------------
 
 
@@ -238,6 +184,7 @@ def test_other_units_find_another_step(step, lower, broken):
     rows, found, reach = scaled.sweep(build_integrator(step), entries, 0, ("symplectic", "symmetric"))
     assert reach["steps"] > 100
     assert (any(below(r, 2) for r in rows), {*found}) == (lower, broken)
+    assert all(f"h = {r['h']:.2g}," in r["on"] for r in found.values())
 
 
 def single(step):

@@ -46,13 +46,6 @@ def test_worker_of_a_worker_ends_with_it(tmp_path):
     assert ends(int(started.read_text()))
 
 
-@pytest.mark.parametrize("count", [0, 2])
-def test_cells_give_the_same_rows_here_and_in_workers(count):
-    cells = toy_cells.cells(5)
-    found = {cell.id: answer for cell, answer in workers.measure(cells, POOL, float("inf"), count)}
-    assert {id: a.value["toys"][0]["x"] for id, a in found.items()} == {c.id: c.key["n"] / 7 for c in cells}
-
-
 @pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: ())(0)) < 2, reason="there are no two cores")
 def test_timed_cells_run_on_separate_cores(tmp_path):
     toys = [toy_cells.cell(n, function=toy_cells.core, where=ALONE) for n in range(4)]
