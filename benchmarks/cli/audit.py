@@ -9,7 +9,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from . import completion, options
+from . import options
 from .shared import invalid_input, out, print_json, telling
 from .shared import show as print_table
 
@@ -21,7 +21,7 @@ def audit(
         typer.Option(
             metavar="NAME",
             help="A peer, such as rebound-leapfrog; repeat it. Default: all.",
-            autocompletion=completion.peers,
+            autocompletion=options.completion("peers"),
         ),
     ] = [],  # noqa: B006
     quick: Annotated[bool, options.quick("Two measures on one problem.")] = False,

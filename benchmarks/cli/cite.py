@@ -9,7 +9,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from . import completion, options
+from . import options
 from .shared import invalid_input
 
 
@@ -19,7 +19,7 @@ def cite(
         typer.Argument(
             metavar="NAME",
             help="Methods and problems. Default: those that the reports used.",
-            autocompletion=completion.methods_and_problems,
+            autocompletion=options.completion("methods", "problems"),
         ),
     ] = None,
     reports: options.Reports = Path("reports"),

@@ -12,7 +12,28 @@ from typing import Annotated, Any
 
 import typer
 
-from . import completion
+
+def _names(kind: str) -> list[str]:
+    """The ids of a kind, without importing what computes with them."""
+    if kind == "problems":
+        from phasebench.benchmarks.problems import PROBLEMS
+
+        return [*PROBLEMS, *(f"{name}:{orbit}" for name, (_, _, orbits) in PROBLEMS.items() for orbit in orbits)]
+    if kind == "methods":
+        from phasebench.integrators.registry import BY_ID
+    else:
+        from phasebench.reference.peers import BY_ID
+    return [*BY_ID]
+
+
+def completion(*kinds: str) -> Callable[[str], list[str]]:
+    """The function by which a shell completes ids of problems, methods or peers."""
+
+    def complete(incomplete: str) -> list[str]:
+        return [name for kind in kinds for name in _names(kind) if name.startswith(incomplete)]
+
+    return complete
+
 
 TIME_LIMIT_HELP = "Stop after this many seconds of the clock."
 PROBLEM_HELP = "A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."
@@ -20,12 +41,12 @@ PROBLEM_HELP = "A problem, problem:orbit, or a file, ./my_problem.py, planets.cs
 
 def problem_argument(metavar: str = "PROBLEM", help: str = PROBLEM_HELP) -> Any:
     """The typer argument that names a problem."""
-    return typer.Argument(metavar=metavar, help=help, autocompletion=completion.problems)
+    return typer.Argument(metavar=metavar, help=help, autocompletion=completion("problems"))
 
 
 def method_argument(help: str) -> Any:
     """The typer argument that names a method, a peer or a user's step."""
-    return typer.Argument(metavar="METHOD", help=help, autocompletion=completion.methods_and_peers)
+    return typer.Argument(metavar="METHOD", help=help, autocompletion=completion("methods", "peers"))
 
 
 def _option(name: str, metavar: str | None, first: str, **settings: Any) -> Callable[..., Any]:
@@ -45,7 +66,7 @@ quick = _option("--quick", None, "Measure a small selection.")
 jobs = _option("--jobs", "NUMBER", "Number of parallel processes.", min=0)
 requires = _option("--requires", "TRAIT", "A trait of systems, such as separable.")
 package = _option("--package", "NAME", "A package of peers, such as rebound.")
-problem_option = _option("--problem", "NAME", "A problem, such as kepler.", autocompletion=completion.problems)
+problem_option = _option("--problem", "NAME", "A problem, such as kepler.", autocompletion=completion("problems"))
 
 
 def output(metavar: str, more: str) -> Any:
@@ -66,7 +87,7 @@ Methods = Annotated[
         "--method",
         metavar="NAME",
         help="A method, a peer, or your own step, ./mine.py (not on scenes); repeat it.",
-        autocompletion=completion.methods_and_peers,
+        autocompletion=completion("methods", "peers"),
     ),
 ]
 Parameters = Annotated[

@@ -10,7 +10,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from . import completion, options
+from . import options
 from .shared import WRONG, compilation_shown, invalid_input, out, print_json, say, telling, warn, width
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def validate(
         typer.Argument(
             metavar="INTEGRATOR",
             help="./mine.py, ./mine.py:object.step, ./mine.json, package.module:callable, a method, a peer.",
-            autocompletion=completion.methods_and_peers,
+            autocompletion=options.completion("methods", "peers"),
         ),
     ],
     claim: Annotated[

@@ -295,20 +295,16 @@ def _notes(out: Outcome, budget: float, orphans: Mapping[str, int]) -> list[str]
     return found
 
 
+@dataclass
 class _Work:
     """Measures the cells of a run, kind after kind: on all cores, timed ones, those without Numba."""
 
-    def __init__(
-        self,
-        out: Outcome,
-        journal: Journal,
-        known: dict[str, Standing],
-        count: int,
-        progress: Callable[[str, int, int, float], None],
-        cluster: Cluster | None,
-    ) -> None:
-        self.out, self.journal, self.known, self.count, self.progress = out, journal, known, count, progress
-        self.cluster = cluster
+    out: Outcome
+    journal: Journal
+    known: dict[str, Standing]
+    count: int
+    progress: Callable[[str, int, int, float], None]
+    cluster: Cluster | None
 
     def measure(self, cells: list[Cell], deadline: float, compared: bool = False) -> None:
         left = sum(self._share(c) for c in cells)
