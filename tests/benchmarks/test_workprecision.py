@@ -52,17 +52,11 @@ def test_figure_has_the_format_of_its_suffix(result, tmp_path, suffix):
     assert one == other
 
 
-def test_methods_by_repeated_or_old_option(tmp_path):
-    figure = tmp_path / "a.svg"
-    new = ["workprecision", "pendulum", "--t-end", "2", "--method", "pefrl", "--method", "scipy-dop853", "--json"]
-    old = ["workprecision", "pendulum", "--t-end", "2", "--methods", "pefrl,scipy-dop853", "--json"]
-    done = [call(*line) for line in ([*new, "--output", figure], old)]
-    assert [d.exit_code for d in done] == [0, 0]
-    names = [{r["method"] for r in json.loads(d.stdout)["rows"]} for d in done]
-    assert names == [{"pefrl", "scipy-dop853"}] * 2
-    assert "--methods is now --method" in done[1].stderr
-    assert "--method" not in done[0].stderr
-    assert figure.exists()
+def test_command_measures_repeated_methods_and_draws(tmp_path):
+    figure, methods = tmp_path / "a.svg", ("--method", "pefrl", "--method", "scipy-dop853")
+    done = call("workprecision", "pendulum", "--t-end", "2", *methods, "--json", "--output", figure)
+    assert {r["method"] for r in json.loads(done.stdout)["rows"]} == {"pefrl", "scipy-dop853"}
+    assert (done.exit_code, figure.exists()) == (0, True)
 
 
 def test_a_span_to_which_no_reference_is_known_is_refused():
