@@ -100,16 +100,6 @@ def kinked(H, q0, p0, t, *marks):
     return row.astype(float)
 
 
-@pytest.mark.parametrize(("force", "t"), [(1, 20.0), (50, 7.3)])
-def test_a_kink_costs_no_accuracy(force, t):
-    """The orbit of H = p^2/2 + k |q| from rest at 1 consists of parabolas."""
-    quarter = np.sqrt(2 / force)
-    side, since = divmod(t + quarter, 2 * quarter)
-    sign, s = (-1) ** side, since - quarter
-    exact = sign * (1 - force * s**2 / 2), -sign * force * s
-    assert kinked(f"p**2/2 + {force}*abs(q)", (1.0,), (0.0,), t) == pytest.approx(exact, abs=2e-13)
-
-
 @pytest.mark.parametrize(
     ("H", "q0", "p0", "t", "exact"),
     [
