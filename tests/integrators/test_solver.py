@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -143,6 +144,60 @@ def test_difference_steps_follow_the_scales(lengths, solved):
     x, _, used, status = called(solve.solver(in_two_units, lengths))((0.0,), value(1.1, UNIT), 1.0, EPS, WORK)
     assert (used, status == SOLVED) == (1, solved)
     assert not solved or np.abs(np.subtract(x, in_two_units(x, (0.0,))) / (1, UNIT)).max() < 1e-13
+
+
+@equation
+def near_zero(x, arguments):
+    return (30.0 * x[0] - 29.0 if abs(x[0]) < 10 else np.nan, 0.5 * x[1])
+
+
+@pytest.mark.parametrize("start", [2.0, 20.0])
+def test_newton_begins_again_from_zero_where_the_start_fails(start):
+    x, _, used, status = called(solve.solver(near_zero, of_one))((0.0,), value(start, 0.0), 1.0, EPS, WORK)
+    assert (used, status) == (1, SOLVED)
+    assert x == pytest.approx((1.0, 0.0), abs=1e-14)
+
+
+class Rows(NamedTuple):
+    """Equations whose two unknowns in two units stand in each of two rows."""
+
+    memory: np.ndarray
+    stages: int
+    like: Any
+
+
+@njit
+def sweep_rows(e, old, new):
+    delta = size = 0.0
+    for j in range(e.stages):  # a row depends on the other one
+        x = in_two_units(vector.load(e.memory, old + 1 - j, e.like), (0.0,))
+        delta += vector.distance(x, vector.load(e.memory, old + j, e.like))
+        size += vector.size(x)
+        vector.store(e.memory, new + j, x)
+    return delta, size
+
+
+@njit
+def units_of_rows(e, at):
+    return 1.0, UNIT
+
+
+@njit
+def one_unit(e, at):
+    return 1.0, 1.0
+
+
+@pytest.mark.parametrize(("lengths", "solved"), [(units_of_rows, True), (one_unit, False)])
+def test_newton_solves_for_rows(lengths, solved):
+    """Differences follow the units of each row's halves; the control takes one unit for both."""
+    e = Rows(np.zeros((8, 2)), 2, ZERO)
+    e.memory[:2] = (1.1, UNIT), (1.0, 1.2 * UNIT)
+    _, used, status = called(solve.row_solver(sweep_rows, lengths))(e, 0, 1.0, EPS, WORK)
+    assert (used > 0, status == SOLVED) == (True, solved)
+    assert used % 5 == 0, "four unknowns take four differences and the residual"
+    for j in range(2 if solved else 0):
+        found = in_two_units(value(*e.memory[1 - j]), (0.0,))
+        assert np.abs(np.subtract(e.memory[j], found) / (1, UNIT)).max() < 1e-13
 
 
 def test_when_iterations_stop():
