@@ -18,7 +18,7 @@ ROOMS = {
     ("integrators/compile",): (1480, 1000, 16),
     ("integrators",): (25600, 21000, 25),
     ("reference",): (6623, 6200, 20),
-    ("benchmarks/problems", "benchmarks/measure"): (10890, 9000, 20),
+    ("benchmarks/problems", "benchmarks/measure"): (10850, 9000, 20),
     ("benchmarks/store",): (2730, 1900, 13),
     (*(f"benchmarks/{x}" for x in ("ladder", "judge", "advice", "audit", "certificate")),): (8810, 6200, 14),
     ("benchmarks/page",): (1400, 1600, 20),
