@@ -89,17 +89,13 @@ def modules_of(f: Callable) -> set[str]:
 
 
 def with_functions(f: Callable, functions: dict[str, Callable]) -> Callable:
-    """Return a copy of ``f`` with these compiled functions, by name, added to its globals.
-
-    If ``f`` were a closure over them, Numba would store its machine code and never find it again.
-    """
+    """A copy of ``f`` with compiled functions in its globals: of a closure Numba would never find the code again."""
     made = FunctionType(f.__code__, f.__globals__ | functions, f.__name__)
     made.__module__ = f.__module__
     return made
 
 
 def _without_closure(f: Callable) -> Callable:
-    """Return ``f``, or if it is a closure, a function without free variables into which ``f`` is inlined."""
     if not f.__closure__:
         return f
     names = ", ".join(inspect.signature(f).parameters)

@@ -90,11 +90,7 @@ def entry(method: Method, system: PartitionedSystem) -> str | None:
 
 @lru_cache(maxsize=512)
 def _read(name: str, version: str) -> Prepared:
-    """Return what was pickled in the cache entry ``name``, read once in a process.
-
-    ``version`` is the cache folder as text; with another folder the entry is read again.  Raises LookupError if the
-    entry is missing or damaged.
-    """
+    """What was pickled in the entry ``name`` of the cache folder ``version``; raises LookupError if there is none."""
     content = cache.read(name)
     if content is None:
         raise LookupError(name)
