@@ -146,7 +146,8 @@ def test_the_version_depends_on_compilers_and_processor(monkeypatch):
 def test_machine_code_is_keyed_by_the_code_of_what_it_calls(place, monkeypatch):
     """A kernel's modules count with all that they import; others do not."""
     inner = machine.with_functions(lambda x: part(x), {"part": splitting.step})  # noqa: F821
-    for f in (splitting.run, inner):
+    closed = (lambda part: lambda x: part(x))(splitting.step)
+    for f in (splitting.run, inner, closed):
         modules = {x.rpartition(".")[2] for x in machine.modules_of(f)}
         assert "splitting" in modules
         assert "rigid" not in modules
