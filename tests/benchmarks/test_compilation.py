@@ -10,7 +10,7 @@ import pytest
 
 import phasebench as pb
 from phasebench.benchmarks.advice.advise import advise
-from phasebench.benchmarks.certificate import costs, times
+from phasebench.benchmarks.certificate import times
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.measure.compilation import NotCompiled, compilation_error, naming
@@ -108,5 +108,5 @@ def test_certificate_whose_timing_reference_fails(monkeypatch):
     assert [f["integrator"] for f in found["failed"]] == [times.REFERENCE]
     assert "TypingError" in times.failures([found])
     place = [{"on": row["on"], "errors": [{"error": 1e-2, "factor": 2.0}]}]
-    _, _, *lines = costs.format_costs(Tables({"place": place}), [found])
+    _, _, *lines = times.format_costs(Tables({"place": place}), [found])
     assert lines == ["  kepler-orbit  1e-02  2 times"], "no time"
