@@ -313,7 +313,8 @@ def size(place: Path) -> tuple[int, int]:
 def clear() -> None:
     """Remove the cache entries of every version, and nothing else in the folder."""
     for place in versions():
-        shutil.rmtree(place, ignore_errors=True)
+        _remove(place.with_name("evicted"))
+        _remove(place)
 
 
 def _entries(place: Path) -> list[tuple[float, int, Path]]:
