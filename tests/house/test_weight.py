@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ROOMS = {
     ("integrators/records", "integrators/coefficients"): (3400, 3400, 19),
     ("integrators/families",): (9000, 7500, 30),
-    ("integrators/stepping", "integrators/values", "integrators/systems"): (8400, 6600, 25),
+    ("integrators/stepping", "integrators/values", "integrators/systems"): (8570, 6600, 25),
     ("integrators/compile",): (1490, 1000, 16),
     ("integrators",): (25600, 21000, 25),
     ("reference",): (6623, 6200, 20),

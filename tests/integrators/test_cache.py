@@ -339,6 +339,17 @@ def test_what_was_longest_unused_is_evicted_first(place, monkeypatch):
     assert (place.exists(), foreign.exists()) == (False, True)
 
 
+def test_a_look_at_all_entries_is_taken_once_an_hour(place, monkeypatch):
+    looks = []
+    monkeypatch.setattr(cache, "evict", lambda: looks.append(len(looks)))
+    for age, taken in ((0, 1), (0, 1), (2 * cache.STALE_AFTER, 2)):
+        if looks:
+            os.utime(cache.root() / "evicted", (time.time() - age,) * 2)
+        cache._evict_once.cache_clear()
+        cache.write("a.py", SEVERAL)
+        assert len(looks) == taken
+
+
 def test_reading_counts_as_use(place):
     cache.write("a.py", SEVERAL)
     for name, ago in (("a.py", 0), ("b.py", 1000)):

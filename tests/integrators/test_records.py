@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import tomllib
 from fractions import Fraction
 from pathlib import Path
@@ -30,6 +32,7 @@ from phasebench.integrators.registry import BY_ID, METHODS, method
 from phasebench.reference.peers import PEERS
 
 TRAITS = set(problem("pendulum").system.traits)
+ROOT = Path(__file__).resolve().parents[2]
 KINDS = ("symmetric", "symplectic", "energy", "quadratic")
 
 
@@ -167,6 +170,12 @@ def test_records_are_complete():
     for m in (*parametric.METHODS, *energy.METHODS):
         assert all((f"{name}1990" in m.cite) == (f"-{name}-" in m.id) for name in ("yoshida", "suzuki")), m.id
     assert set(MEANINGS) == TRAITS, "what gives a system a trait is said of every trait"
+
+
+def test_a_listing_reads_no_numbers():
+    text = "import sys, phasebench.integrators.registry; print({'numpy', 'mpmath', 'numba'} & {*sys.modules})"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout == "set()\n"
 
 
 def test_every_citation_is_in_the_bibliography_and_every_work_is_cited():
