@@ -55,7 +55,7 @@ compiled loop that makes many steps in one call.  As a family, the implicit midp
 5. ``counts`` (`COUNTS`): a step adds its evaluations of the gradient or field, the equations that needed Newton's
    method, and fallbacks: steps that lack what the method promises.
 6. Implicit equations are solved by `solve.solver` or `solve.row_solver`, quadratures are confirmed by
-   `solve.refinement`, and a parameter that preserves the energy is found by `root.finder`.
+   `solve.refinement`, and a parameter that preserves the energy is found by `root.finder` (``Prepared.searches``).
 7. A family whose step can run on several orbits at once, in SIMD lanes, sets ``IN_LANES = True``: the step has no
    branch on numbers of the state (`masks.select`, `where` choose lane by lane).
 8. A step of tuples allocates nothing.  Arrays in the NamedTuple are two-dimensional or read-only: a writable array of
