@@ -69,9 +69,9 @@ def lengths(e: Any, at: int) -> tuple[Number, Number]:
 
 
 @inline
-def half(e: Any) -> int:
-    """The number of unknowns in half of the rows, of which the first are increments of q and the second of p."""
-    return max(1, e.stages * len(e.like) // 2)
+def shape(e: Any, n: int) -> tuple[int, int]:
+    """The shape of unknowns in the first n lanes (`row_solver`): half of the rows is of q, half of p."""
+    return n, max(1, e.stages * n // 2)
 
 
 @inline

@@ -44,7 +44,7 @@ from phasebench.integrators.values.vector import State, dispatch_on_none, inline
 
 from . import gauss_lanes
 from .gauss_lanes import functions, pad, pad_square, start_weights
-from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, half, lengths
+from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, lengths, shape
 
 if TYPE_CHECKING:
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
@@ -222,11 +222,8 @@ def rule(e: Equations) -> tuple[int, int]:
     return e.counts.rule, e.counts.rule + e.step.rows[e.counts.rule]
 
 
-solve = confirmer(
-    row_solver(sweep, lengths, half), sweep, inline(lambda e, old, new: change(e.step.inverse_mass, e, old, new))
-)
-
-
+solve_once = row_solver(sweep, lengths, inline(lambda e: shape(e, len(e.step.terms))))
+solve = confirmer(solve_once, sweep, inline(lambda e, old, new: change(e.step.inverse_mass, e, old, new)))
 end = ender(sums)
 
 

@@ -41,7 +41,7 @@ from phasebench.integrators.stepping.solve import row_solver
 from phasebench.integrators.values.lanes import combine, put, take, total
 from phasebench.integrators.values.vector import State, dispatch_on_none, inline, size
 
-from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, half, lengths
+from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, lengths, shape
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Number
@@ -179,7 +179,7 @@ def sweep(e: Equations, old: int, new: int) -> tuple[Number, Number]:
     return total(moved), total(sized)
 
 
-solve = row_solver(sweep, lengths, half)
+solve = row_solver(sweep, lengths, inline(lambda e: shape(e, e.step.stages)))
 end = ender(sums)
 
 

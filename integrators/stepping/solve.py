@@ -287,13 +287,13 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
 
 
 @inline
-def half_of_row(equations: Any) -> int:
-    """The number of unknowns in half a row, of which the first are increments of q and the second of p."""
-    return (len(equations.like) + 1) // 2
+def shape_of_rows(equations: Any) -> tuple[int, int]:
+    """The numbers of unknowns in a row and in half a row: first increments of q, then of p."""
+    return len(equations.like), (len(equations.like) + 1) // 2
 
 
 def row_solver(
-    sweep: Callable, lengths: Callable, half: Callable = half_of_row, evaluate: Callable | None = None
+    sweep: Callable, lengths: Callable, shape: Callable = shape_of_rows, evaluate: Callable | None = None
 ) -> Callable:
     """Make the solver of x = G(x) for unknowns in rows of an array: fixed point, Newton's method where that fails.
 
@@ -306,7 +306,8 @@ def row_solver(
     - ``sweep(equations, old, new)`` writes G of the rows from ``old`` on to the rows from ``new`` on; it returns (the
       distance between them, the size of the new ones).
     - ``lengths(equations, at)`` gives the sizes of the variables to which unknowns in the rows from ``at`` on belong,
-      as two numbers, in turn for every ``half(equations)`` unknowns; the ``stages`` rows after these are G there.
+      as two numbers, in turn; the ``stages`` rows after these are G there.
+    - ``shape(equations)`` gives the numbers of unknowns in a row, and of those to which each of the two sizes belongs.
     - ``evaluate`` is G for Newton's method, called like ``sweep``, if that leaves out unknowns that need no iteration.
     """
 
@@ -324,7 +325,7 @@ def row_solver(
 
         Returns (sweeps of the fixed point, sweeps that Newton's method took, status).
         """
-        memory, stages, n = equations.memory, equations.stages, len(equations.like)
+        memory, stages = equations.memory, equations.stages
         start = at + 3 * stages
         copy(memory, at, start, stages, equations.like)
         (last, _), k, solved = iterate(equations, (at, at + stages), span, eps)
@@ -333,13 +334,14 @@ def row_solver(
                 copy(memory, last, at, stages, equations.like)
             return k, 0, SOLVED
         copy(memory, start, at, stages, equations.like)
+        n, half = shape(equations)
         begin(work.rows, stages * n)
         sweeps, status = 0, ASKED
         while status == ASKED:
             evaluate(equations, at, at + stages)
             sweeps += 1
             first, second = lengths(equations, at)
-            status = work.newton(work.rows, memory, at, stages, n, half(equations), first, second, span, eps)
+            status = work.newton(work.rows, memory, at, stages, n, half, first, second, span, eps)
         return k, sweeps, status
 
     return solve

@@ -140,7 +140,7 @@ def test_long_steps_conserve_energy_to_the_last_unit(name):
     system, q, p = SYSTEMS[name]()
     s = integrate(system, "gonzalez", h=0.8 if name == "pendulum" else 0.4, steps=40, q0=q, p0=p)
     assert s.counts["fallbacks"] == 0
-    assert np.abs(energy_errors(s)).max() < 1e-15
+    assert np.abs(energy_errors(s)).max() < 5e-15
 
 
 def test_a_step_that_misses_the_energy_is_counted_once():

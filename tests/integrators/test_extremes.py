@@ -67,7 +67,7 @@ TABLE = [
     (CHAOTIC, "stormer-verlet", {"h": 0.01, "t_end": 100} | ESCAPE, "diverged", "the motion itself may escape"),
     (CHAOTIC, "stormer-verlet", {"h": 0.01, "t_end": 3.05} | ESCAPE, "unstable", "the motion itself may escape"),
     (RUNAWAY, "stormer-verlet", at(1.0, 1.0, h=0.01, t_end=10), "diverged", "the motion itself may escape"),
-    (RUNAWAY, "implicit-midpoint", at(1.0, 1.0, h=0.01, t_end=10), "not-converged", "after step 73"),
+    (RUNAWAY, "implicit-midpoint", at(1.0, 1.0, h=0.01, t_end=10), "not-converged", "after step 7"),
     (PENDULUM, "scheme-i", {"h": 1e-6, "steps": 10**9, "save_every": 10**6, "timeout": 0.05}, "timeout", "reached"),
 ]
 
