@@ -148,7 +148,7 @@ def show(title: str, rows: list[dict[str, str]]) -> None:
         print(line(row))
     hidden = heads[len(widths) :]
     if hidden:
-        out.print(f"in a wider terminal also: {', '.join(hidden)}; everything with --json", highlight=False)
+        out.print(f"in a wider terminal also: {', '.join(hidden)}; everything with --json", highlight=False, width=room)
 
 
 def check_file(path: Path, endings: tuple[str, ...]) -> None:
