@@ -30,7 +30,7 @@ from .solve import LEVELS
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.integrators.systems.hamiltonian import Hamiltonian
-    from phasebench.integrators.values.kinds import Function, Value
+    from phasebench.integrators.values.kinds import Dispatcher, Function, Signature, Value
 
 #: Largest number of degrees of freedom: beyond, a state in lanes does not fit into registers and compiles slowly.
 MOST = 8
@@ -120,15 +120,31 @@ def _make_twin(system: Hamiltonian, lanes: Lanes) -> Hamiltonian:
 def _block_loop(
     run: Function, step: Any, varying: tuple, tables: Carry, zero: Value, samples: Samples, counts: np.record
 ) -> None:
-    """Call the kernel ``run`` for every block of orbits, with the block's part of each array.
-
-    The other arguments are those of the function that `loop` returns.
-    """
+    """Call the kernel ``run`` for every block of orbits; the other arguments are those that `loop` describes."""
     for b in range(len(counts)):
         work = Work(block_of(tables.work, b), None, None)
         orbit = Carry(block_of(tables.state, b), block_of(tables.memory, b), work, zeros_of(zero))
         rows = Samples(block_of(samples.q, b), block_of(samples.p, b), block_of(samples.parameter, b), samples.every)
         run(with_block(step, varying, b), orbit, rows, counts[b])
+
+
+class _Pointer(types.WrapperAddressProtocol):
+    """A compiled kernel as an argument of compiled code.
+
+    Numba asks LLVM for a kernel's address in each call, under a lock that a thread interrupted by Ctrl-C may leave
+    closed: every other thread would wait for it for ever.  Here it is asked for once.
+    """
+
+    def __init__(self, run: Dispatcher, signature: Signature) -> None:
+        made = run.get_compile_result(signature)
+        self._address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
+        self._signature = signature
+
+    def signature(self) -> Signature:
+        return self._signature
+
+    def __wrapper_address__(self) -> int:
+        return self._address
 
 
 _loops: dict = {}
@@ -163,7 +179,7 @@ def loop(prepared: Prepared, varying: tuple, d: int) -> Callable:
         options = codegen.options(d) | {"nogil": True}
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
         with progress.compiling(f"the kernel of {family} in lanes", d):
-            run = machine.load_or_compile(prepared.run, inner, options, f"{family}-lanes")
+            run = _Pointer(machine.load_or_compile(prepared.run, inner, options, f"{family}-lanes"), inner)
             _loops[key] = run, entry(machine.load_or_compile(_block_loop, outer, options, "blocks"))
     run, called = _loops[key]
     return lambda *arguments: called(run, *arguments)

@@ -251,7 +251,6 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
     iterate = fixed_point(sweep)
 
     def solve(arguments, start, span, eps, work):
-        """Solve x = G(x, arguments) from the start; (x, evaluations, 1 if Newton's method was used else 0, status)."""
         x, evaluations, solved = iterate(arguments, start, span, eps)
         if solved:
             return x, evaluations, 0, SOLVED
@@ -273,10 +272,6 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
         return x, evaluations, 1, status
 
     def solve_lanes(arguments, start, span, eps, work):
-        """Solve x = G(x, arguments) in SIMD lanes, by fixed point; x is NaN in lanes that are not solved.
-
-        Returns (x, evaluations of G, 0, status).
-        """
         x, evaluations, _ = iterate(arguments, start, span, eps)
         return x, evaluations, 0, SOLVED if (size(x) < np.inf) & (span < np.inf) else NOT_FINITE
 
@@ -321,10 +316,6 @@ def row_solver(
 
     @inline
     def solve(equations, at, span, eps, work):
-        """Solve x = G(x) for the unknowns in the rows from ``at`` on, which hold the start and then the solution.
-
-        Returns (sweeps of the fixed point, sweeps that Newton's method took, status).
-        """
         memory, stages = equations.memory, equations.stages
         start = at + 3 * stages
         copy(memory, at, start, stages, equations.like)

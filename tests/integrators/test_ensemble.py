@@ -8,6 +8,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from llvmlite import binding
+from llvmlite.binding import ffi
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, batches, driver, trajectory
@@ -262,6 +264,24 @@ def test_invalid_arguments_are_refused(changed, message):
     good = {"problem": made, "method": "scheme-i", "Q": Q, "P": P, "h": 0.1, "steps": 2, "parameters": {"lam": 0.3}}
     with pytest.raises(InvalidInput, match=message):
         integrate_ensemble(**good | changed)
+
+
+@pytest.mark.parametrize(("id", "n", "lanes"), [("stormer-verlet", 1000, True), ("gauss-6", 100, False)])
+def test_a_warm_ensemble_does_not_ask_llvm(id, n, lanes):
+    """An interrupt may leave LLVM's lock closed, at which the helpers of the next ensemble would wait for ever."""
+    made, asked = problem(BOX), []
+    q, p = (np.tile(x, (n, 1)) for x in (made.q0, made.p0))
+    run = partial(integrate_ensemble, made, id, q, p, h=1e-3, steps=200, lanes=lanes, threads=2)
+    run()
+    callbacks = (lambda: asked.append(1)), (lambda: None)
+    ffi.register_lock_callback(*callbacks)
+    try:
+        run()
+        assert not asked
+        binding.get_host_cpu_name()
+        assert asked, "the control"
+    finally:
+        ffi.unregister_lock_callback(*callbacks)
 
 
 # Of Scheme V, whose steps may fall back, orbits run one by one.
