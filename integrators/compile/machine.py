@@ -144,7 +144,8 @@ class Function(types.WrapperAddressProtocol):
     def __init__(self, f: Callable, signature: Signature, options: dict, name: str) -> None:
         self._made = f, signature, options, name
         address = with_functions(_address, {"entry_address": _entry_of(f, signature, options, name)})
-        entry = f"{name}|entry of {signature!r} {sorted(options.items(), key=str)}"
+        made_of = f"{sorted(options.items(), key=str)} {digest_of(modules_of(f))}"  # an intrinsic does not tell them
+        entry = f"{name}|entry of {signature!r} {made_of}"
         self._address = load_or_compile(address, types.intp(), {"no_cfunc_wrapper": True}, entry)()
 
     @cached_property

@@ -18,6 +18,7 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 
@@ -31,9 +32,10 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate, method
 from phasebench.integrators.compile import cache, machine, preparation, printing, progress
 from phasebench.integrators.families import splitting
-from phasebench.integrators.stepping import kernel
+from phasebench.integrators.stepping import kernel, newton
 from phasebench.integrators.systems import deferred
 from phasebench.integrators.values import vector
+from support.marks import compiled
 
 SEVERAL = b"text of a function\n" * 50
 SIGNATURE = types.float64(types.float64)
@@ -156,6 +158,18 @@ def test_machine_code_is_keyed_by_the_code_of_what_it_calls(place, monkeypatch):
     monkeypatch.setattr(machine, "digest_of", lambda modules: asked.append(modules) or "another")
     assert [compile_or_load()[1] for _ in range(2)] == [False, True]
     assert all(__name__ in modules for modules in asked)
+
+
+@compiled
+def test_a_function_for_all_kernels_is_keyed_by_its_own_code(place, monkeypatch):
+    """Its machine code is made in an intrinsic, which names nothing of it: a changed solver was taken for the old."""
+    make = partial(machine.Function, newton.newton, newton.SIGNATURE, vector.TUPLES, "newton")
+    entries = []
+    for digest in ("one", "one", "another"):
+        monkeypatch.setattr(machine, "digest_of", lambda modules, d=digest: d if newton.__name__ in modules else "")
+        make()
+        entries.append(len([p for p in place.iterdir() if p.name.startswith("newton")]))
+    assert entries == [1, 1, 2]
 
 
 def times(k):
