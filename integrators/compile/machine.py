@@ -56,7 +56,7 @@ def load_or_compile(f: Callable, signature: Signature, options: dict, name: str)
     with cache.hold_lock(cache.seal_of(entry)):
         source, sealed = cache.source_of(entry)
         try:
-            made = _compile(f, signature, options, digest, source)
+            made = _with_room(_compile, f, signature, options, digest, source)
         except Exception as error:
             unwritable = isinstance(error, (OSError, RuntimeError))  # a full disk, or no place that Numba may write to
             if not (sealed or unwritable):
@@ -65,7 +65,7 @@ def load_or_compile(f: Callable, signature: Signature, options: dict, name: str)
             if unwritable:
                 cache.log_once(error)
             source = None if unwritable else cache.source_of(entry)[0]
-            made = _compile(f, signature, options, digest, source)
+            made = _with_room(_compile, f, signature, options, digest, source)
         if source is not None:
             cache.seal(entry)
     made.disable_compile()
@@ -103,6 +103,16 @@ def _without_closure(f: Callable) -> Callable:
     namespace: dict = {"__name__": __name__, "body": body}
     exec(f"def whole({names}): return body({names})", namespace)
     return namespace["whole"]
+
+
+def _with_room(f: Callable, *arguments: Any) -> Any:
+    return f(*arguments)
+
+
+# A frame that claims a megabyte gives what it calls the room behind it.  Python keeps the variables of nested calls in
+# blocks of 16 kB else, and where a loop stands at the end of a block, each call in it asks the system for the next
+# block and returns it: hundreds of thousands of times in a compilation.
+_with_room.__code__ = _with_room.__code__.replace(co_stacksize=1 << 17)
 
 
 def _compile(f: Callable, signature: Signature, options: dict, digest: str, source: Path | None) -> Dispatcher:

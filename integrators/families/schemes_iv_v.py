@@ -142,7 +142,7 @@ def attempt(x: Number, start: int, ease: Number, e: Group) -> Attempt:
 find = finder(attempt, inline(lambda e: e.carry.state))
 
 
-@inline
+@force_inline
 def advance(
     step: AdjustedScheme, y: State, carry: Carry, counts: np.record, first: int
 ) -> tuple[State, Number, int, int]:
@@ -187,7 +187,7 @@ def step(method: AdjustedScheme, y: State, carry: Carry, counts: np.record) -> t
     ``counts.parameter`` becomes lambda of the last group, NaN if it has no root.  The status is `SOLVED` or why a stage
     equation could not be solved; starting values are kept in ``carry``.
     """
-    s, status = 0, SOLVED
+    s, status = np.int64(0), SOLVED  # for a literal 0 `advance` would be compiled twice
     while s < len(method.c) and status == SOLVED:
         y, counts.parameter, s, status = advance(method, y, carry, counts, s)
     return y, status

@@ -289,7 +289,6 @@ def work_of(prepared: Prepared, arithmetic: str = DOUBLE) -> Work:
 _kernels: dict = {}
 _of_prepared: WeakKeyDictionary = WeakKeyDictionary()  # by the degrees of freedom
 _pointers: WeakKeyDictionary = WeakKeyDictionary()  # to make a type takes longer than many a run
-_TABLE = types.Array(types.float64, 2, "C")
 
 
 def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
@@ -310,9 +309,9 @@ def _compile(prepared: Prepared, d: int) -> Callable:
     options = vector.TUPLES if any(map(vector.writes, step.types)) else codegen.options(d)  # nothing allocates
     key = (prepared.run, step, T, options is vector.TUPLES)
     if key not in _kernels:
-        work = _tuple_type((_TABLE, *map(_type, _functions_of(prepared, DOUBLE))), Work)
-        carry = _tuple_type((_TABLE, _TABLE, work, T), Carry)
-        samples = _tuple_type((_TABLE, _TABLE, _TABLE, types.int64), Samples)
+        work = _tuple_type((newton.TABLE, *map(_type, _functions_of(prepared, DOUBLE))), Work)
+        carry = _tuple_type((newton.TABLE, newton.TABLE, work, T), Carry)
+        samples = _tuple_type((newton.TABLE, newton.TABLE, newton.TABLE, types.int64), Samples)
         signature = types.UniTuple(types.int64, 2)(step, carry, samples, numba.from_dtype(COUNTS))
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
         with progress.compiling(f"the kernel of {family}", d):

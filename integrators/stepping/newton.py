@@ -43,7 +43,7 @@ class Work(NamedTuple):
 
     rows: np.ndarray
     newton: Callable | None
-    search: Callable | None = None
+    search: Callable | None
 
 
 def shape(n: int) -> tuple[int, int]:
@@ -178,5 +178,6 @@ def begin(work: np.ndarray, order: int) -> None:
     work[order + KEPT, LAST] = np.inf
 
 
-_TABLE = types.Array(types.float64, 2, "C")
-SIGNATURE = types.int64(_TABLE, _TABLE, types.int64, types.int64, types.int64, types.int64, *4 * (types.float64,))
+#: The type of tables of numbers, the memory of kernels.
+TABLE = types.Array(types.float64, 2, "C")
+SIGNATURE = types.int64(TABLE, TABLE, types.int64, types.int64, types.int64, types.int64, *4 * (types.float64,))

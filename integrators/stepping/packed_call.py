@@ -22,12 +22,11 @@ from phasebench.integrators.values.pointers import in_memory
 
 from .codes import NOT_FINITE, SOLVED
 from .kernel import P, Prepared, Q, Samples, _tuple_type, entry, kernel
+from .newton import TABLE
 
 if TYPE_CHECKING:
     from phasebench.integrators.stepping.kernel import Carry
     from phasebench.integrators.values.kinds import Function
-
-_NUMBERS = types.Array(types.float64, 2, "C")
 
 
 class PackedCall(NamedTuple):
@@ -62,7 +61,7 @@ def packed_call(prepared: Prepared, d: int) -> PackedCall:
         with progress.compiling("the kernel's entry", d), warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
             pointer = types.FunctionType(run.nopython_signatures[0].return_type(step, carry, samples, counts))
-            block = _tuple_type((pointer, step, carry, samples, counts, _NUMBERS))
+            block = _tuple_type((pointer, step, carry, samples, counts, TABLE))
             _known[key] = _compile(run, block)
     return _known[key]
 

@@ -47,6 +47,7 @@ from .energy_model import (
     residual_factor,
     smaller_root,
 )
+from .newton import TABLE
 from .solve import LEVELS
 
 if TYPE_CHECKING:
@@ -283,9 +284,8 @@ def search_anew(
 
 _TRIED = types.NamedTuple((types.float64, types.float64, types.int64, types.int64), Tried)
 _SEARCH = types.NamedTuple((*4 * (types.float64,), types.int64, types.float64), Search)
-_TABLE = types.Array(types.float64, 2, "C")
 SIGNATURE = types.Tuple((types.float64, types.boolean, _TRIED))(
-    _SEARCH, _TABLE, types.int64, types.float64, types.float64, types.intp, types.intp
+    _SEARCH, TABLE, types.int64, types.float64, types.float64, types.intp, types.intp
 )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
@@ -21,7 +22,7 @@ from phasebench.integrators.compile.options import UNCALLED
 from .vector import PART, PLACES, inline, njit
 
 if TYPE_CHECKING:
-    from phasebench.integrators.values.kinds import Function
+    from phasebench.integrators.values.kinds import Dispatcher, Function
 
 
 def in_memory(t: types.Type) -> dict[str, Function]:
@@ -101,16 +102,19 @@ def _at_address(x, start, ease, slot, address):
 def _addresses(f: Callable, t: types.Type) -> Function:
     """Make the intrinsic e -> (address of f as a C function, address of e), for e of the Numba type t."""
 
+    @cache
+    def compiled(counted: bool) -> Dispatcher:
+        made = machine.with_functions(_at_address, {"f": inline(f), "read": in_memory(t)["read"]})
+        content = f"{f.__module__} {f.__qualname__} {t}"
+        made.__qualname__ = f"at_address_{hashlib.sha256(content.encode()).hexdigest()[:12]}"
+        whole = njit(**PART, **UNCALLED, _nrt=counted)(made)
+        whole.compile(RESULT(*GIVEN, types.intp))
+        return whole
+
     @intrinsic
     def addresses(typing_context: Any, e: types.Type) -> tuple:
         def codegen(context: Any, builder: Any, signature: Any, arguments: Sequence) -> Any:
-            made = machine.with_functions(_at_address, {"f": inline(f), "read": in_memory(t)["read"]})
-            content = f"{f.__module__} {f.__qualname__} {t}"
-            made.__qualname__ = f"at_address_{hashlib.sha256(content.encode()).hexdigest()[:12]}"
-            options = PART | UNCALLED | {"_nrt": context.enable_nrt}
-            compiled = njit(**options)(made)
-            compiled.compile(RESULT(*GIVEN, types.intp))
-            entry = machine.entry_of(compiled, context, builder)
+            entry = machine.entry_of(compiled(context.enable_nrt), context, builder)
             place = cgutils.alloca_once_value(builder, arguments[0])
             both = [builder.ptrtoint(a, context.get_value_type(types.intp)) for a in (entry, place)]
             return context.make_tuple(builder, signature.return_type, both)

@@ -21,7 +21,7 @@ from phasebench.integrators.values import vector
 from support.values import value
 
 EPS = np.finfo(float).eps
-WORK = newton.Work(np.zeros(newton.shape(4)), codegen.once(newton.newton, newton.SIGNATURE))
+WORK = newton.Work(np.zeros(newton.shape(4)), codegen.once(newton.newton, newton.SIGNATURE), None)
 ZERO = value(0.0, 0.0)
 
 
