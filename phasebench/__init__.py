@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.audit.audit import Audit as Audit
     from phasebench.benchmarks.audit.audit import audit as audit
     from phasebench.benchmarks.certificate.certificate import validate as validate
+    from phasebench.benchmarks.certificate.maps import validate_map as validate_map
     from phasebench.benchmarks.certificate.result import Certificate as Certificate
     from phasebench.benchmarks.measure.certify import CertifiedState as CertifiedState
     from phasebench.benchmarks.measure.certify import References as References
@@ -106,6 +107,7 @@ _HOMES = {
     "section": "benchmarks.measure.ensembles",
     "stability": "benchmarks.measure.oscillator",
     "validate": "benchmarks.certificate.certificate",
+    "validate_map": "benchmarks.certificate.maps",
     "workprecision": "benchmarks.workprecision",
 }
 __all__ = sorted(_HOMES)

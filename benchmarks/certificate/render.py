@@ -150,7 +150,8 @@ def _place(certificate: Certificate) -> pd.DataFrame:
 
 def unseen(certificate: Certificate) -> str:
     """Sentences on where the integrator was measured, outside of which nothing is seen."""
-    names = list(dict.fromkeys(r["on"] for r in certificate.tables.of("order")))
+    rows = certificate.tables.of("order") or certificate.tables.of("symplectic")
+    names = list(dict.fromkeys(r["on"] for r in rows))
     battery = {e.name: e.system.d for of in (entries, *BY_TRAIT.values()) for e in of()}
     systems = ", ".join(names) or "no system"
     if names and set(names) <= set(battery):
@@ -171,7 +172,7 @@ def _limits(certificate: Certificate) -> list[str]:
     about = certificate.as_dict()
     versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
     out = []
-    if certificate.tables.of("order") or certificate.tables.of("tolerance"):
+    if any(certificate.tables.of(name) for name in ("order", "tolerance", "symplectic")):
         out.append(f"Arithmetic: {about['arithmetic']}."[:380])
     if certificate.tables.of("order"):
         out.append(

@@ -28,7 +28,7 @@ def validate(
         str,
         typer.Argument(
             metavar="INTEGRATOR",
-            help="./mine.py, ./mine.py:object.step, ./mine.json, package.module:callable, a method, a peer.",
+            help="./mine.py, ./mine.py:object.step, ./mine.json, package.module:callable, a method, a peer; a map.",
             autocompletion=options.completion("methods", "peers"),
         ),
     ],
@@ -44,6 +44,9 @@ def validate(
         list[str],
         options.problem_option("Or your own ./mine.py. It is measured on it in place of the suite's; repeat it."),
     ] = [],  # noqa: B006
+    as_map: Annotated[
+        bool, typer.Option("--map", help="./mine.py has a map(q, p), of no system and without a step.")
+    ] = False,
     time_limit: Annotated[
         float | None,
         options.time_limit(
@@ -57,17 +60,23 @@ def validate(
     """Measure an integrator of your own and judge what it claims; exit code 0 only for pass."""
     with invalid_input(), compilation_shown(not as_json):
         from phasebench.benchmarks.certificate.certificate import certify
+        from phasebench.benchmarks.certificate.maps import certify_map
 
         claims = stated(claim)
+        if as_map and (requires or problem or time_limit is not None):
+            raise InvalidInput("--map takes --claim, --output and --seed alone: a map has no system and no step")
         if seed < 0:
             raise InvalidInput(f"--seed is {seed}; it must not be negative")
         if output is not None:
             from phasebench.benchmarks.certificate.render import writable
 
             writable(output)
-        with telling("validate") as tell:
-            more = {"problems": tuple(problem), "time_limit": time_limit}
-            found = certify(integrator, claims, tuple(requires), seed, tell, **more)
+        if as_map:
+            found = certify_map(integrator, claims, seed=seed)
+        else:
+            with telling("validate") as tell:
+                more = {"problems": tuple(problem), "time_limit": time_limit}
+                found = certify(integrator, claims, tuple(requires), seed, tell, **more)
         if output is not None:
             from phasebench.benchmarks.certificate.render import write
 
