@@ -40,29 +40,34 @@ ENDINGS = ("Every run ends with a status:", *(f"{name}: {s.meaning}" for name, s
 
 
 class Entry(NamedTuple):
-    """A command: its function, whose docstring is the help, the arguments of an example, and notes above this."""
+    """A command: its function, whose docstring is the help, the arguments of an example, notes above it, its panel."""
 
     run: Callable[..., None]
     example: str
     notes: tuple[str, ...] = ()
+    panel: str = "Commands"
+
+
+#: The panel of commands that serve the suite itself.
+SUITE = "For the suite"
 
 
 COMMANDS = {
-    "list": Entry(list_, "methods --order 4 --symplectic"),
-    "integrate": Entry(integrate, "pendulum pefrl --h 0.1 --t-end 10 --error", ENDINGS),
-    "run": Entry(run, "--scene lotka-volterra-t1 --method rk4 --quick"),
-    "report": Entry(report, "--reports my-report --rows rows.jsonl"),
     "advise": Entry(advise, "pendulum --t-end 5 --accuracy 1e-3"),
-    "workprecision": Entry(workprecision, "pendulum --t-end 2 --method pefrl --method heyoka"),
-    "certify": Entry(certify, "harmonic-oscillator --t-end 1"),
-    "audit": Entry(audit, "--peer rebound-leapfrog --quick"),
-    "compare": Entry(compare, "old-report my-report --lines 5"),
-    "cite": Entry(cite, "pefrl kepler"),
+    "integrate": Entry(integrate, "pendulum pefrl --h 0.1 --t-end 10 --error", ENDINGS),
     "validate": Entry(validate, "./my_step.py --output my-certificate"),
     "stability": Entry(stability, "scheme-i --param lam=1/2"),
+    "workprecision": Entry(workprecision, "pendulum --t-end 2 --method pefrl --method heyoka"),
     "drift": Entry(drift, "energies.csv"),
-    "elsewhere": Entry(elsewhere, "elsewhere.csv --method pefrl"),
-    "cache": Entry(cache, "--json"),
+    "list": Entry(list_, "methods --order 4 --symplectic"),
+    "run": Entry(run, "--scene lotka-volterra-t1 --method rk4 --quick", panel=SUITE),
+    "report": Entry(report, "--reports my-report --rows rows.jsonl", panel=SUITE),
+    "compare": Entry(compare, "old-report my-report --lines 5", panel=SUITE),
+    "certify": Entry(certify, "harmonic-oscillator --t-end 1", panel=SUITE),
+    "audit": Entry(audit, "--peer rebound-leapfrog --quick", panel=SUITE),
+    "elsewhere": Entry(elsewhere, "elsewhere.csv --method pefrl", panel=SUITE),
+    "cite": Entry(cite, "pefrl kepler", panel=SUITE),
+    "cache": Entry(cache, "--json", panel=SUITE),
 }
 
 #: Threshold of Python's garbage collector: imports make very many objects, and hardly a cycle among them.
@@ -92,7 +97,7 @@ def application(commands: Mapping[str, Entry], completion: bool = True) -> typer
     for name, entry in commands.items():
         lines = (*entry.notes, "Example:", f"phasebench {name} {entry.example}")
         epilog = "\n\n".join(lines)  # an empty line is a line break
-        result.command(name, cls=spellings.Command, epilog=epilog)(entry.run)
+        result.command(name, cls=spellings.Command, epilog=epilog, rich_help_panel=entry.panel)(entry.run)
     return result
 
 

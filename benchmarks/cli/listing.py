@@ -24,14 +24,37 @@ class Kind(StrEnum):
 
 
 Row = dict[str, Any]
+#: Methods that are listed whether they win or not, being usual or the talks' own; and how many are listed unless all.
+USUAL = (
+    *("symplectic-euler-p", "stormer-verlet", "ruth-3", "forest-ruth", "yoshida-6a", "yoshida-8d", "rk4"),
+    *("implicit-midpoint", "gauss-2", "scheme-i", "scheme-ii", "scheme-iii", "scheme-iv", "scheme-v", "avf"),
+    "gauss-equip-2",
+)
+SHOWN = 30
+#: A method wins where its time is at most this times that of the fastest integrator.
+TIE = 1.05
+
+
+def _wins() -> dict[str, int]:
+    """Integrator -> on how many problems and powers of ten of the error it is the fastest or ties with that."""
+    from phasebench.benchmarks.advice.prior import ANY, TABLE
+
+    wins: dict[str, int] = {}
+    for problem, decades in TABLE.load().factors.items():
+        for factors in decades.values() if problem != ANY else ():
+            for integrator, factor in factors.items():
+                wins[integrator] = wins.get(integrator, 0) + (factor <= TIE)
+    return wins
 
 
 def _methods() -> list[Row]:
     from phasebench.integrators.registry import METHODS
 
+    wins = _wins()
     return [
         {
             "method": m.id,
+            "wins": wins.get(m.id, 0),
             "order": m.order,
             "family": m.family.replace("_", "-"),
             "symplectic": m.symplectic,
@@ -44,8 +67,14 @@ def _methods() -> list[Row]:
             "source": m.source,
             "cite": list(m.cite),
         }
-        for m in METHODS
+        for m in sorted(METHODS, key=lambda m: -wins.get(m.id, 0))
     ]
+
+
+def _best(rows: list[Row]) -> list[Row]:
+    """The methods to show first: those that are usual, and as many that win most as make `SHOWN`."""
+    winners = [row["method"] for row in rows if row["method"] not in USUAL][: SHOWN - len(USUAL)]
+    return [row for row in rows if row["method"] in (*USUAL, *winners)]
 
 
 def _problems() -> list[Row]:
@@ -118,9 +147,12 @@ def list_(
         typer.Option("--installed/--not-installed", help="Peers whose package is installed, or is not."),
     ] = None,
     problem: Annotated[str | None, options.problem_option("Its scenes.")] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help=f"All methods, not the {SHOWN} that win most or are usual; --json has all.")
+    ] = False,
     as_json: options.Json = False,
 ) -> None:
-    """List methods, problems, scenes or peers; an option selects those that it names. Default: all."""
+    """List methods, problems, scenes or peers; an option selects among all those that it names."""
     wanted = {
         "order": order,
         "family": family,
@@ -133,13 +165,18 @@ def list_(
         "problem": problem,
     }
     with invalid_input():
-        rows = _chosen(kind, TABLES[kind](), {k: v for k, v in wanted.items() if v is not None})
+        wanted = {k: v for k, v in wanted.items() if v is not None}
+        rows = _chosen(kind, TABLES[kind](), wanted)
+    some = _best(rows) if kind is Kind.methods and not (every or wanted) else rows
     if as_json:
         print_json(rows)
     elif not rows:
         print(f"none of the {kind.value}")
     else:
-        show(f"{len(rows)} {kind.value}", [{head: _text(value) for head, value in row.items()} for row in rows])
+        count = f"{len(some)} of " if len(some) < len(rows) else ""
+        show(f"{count}{len(rows)} {kind.value}", [{head: _text(value) for head, value in row.items()} for row in some])
+        if kind is Kind.methods:
+            print("wins: on so many problems and powers of ten of the error none is faster by more than a twentieth")
 
 
 def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]:
