@@ -1,18 +1,13 @@
-r"""Tables of gravitating bodies: checks of their rows, and positions and velocities, also from orbital elements.
+"""Tables of gravitating bodies: checks of their rows, and positions and velocities about the barycentre at rest.
 
-An orbit about the central body with the elements :math:`a, e` and :math:`\mu = G (m_0 + m)` has in its plane, with the
-eccentric anomaly E from :math:`E - e\sin E = M`,
-
-.. math:: x = a(\cos E - e),\quad y = a\sqrt{1 - e^2}\sin E,\quad
-          (\dot x, \dot y) = \frac{\sqrt{\mu a}}{r}\left(-\sin E, \sqrt{1 - e^2}\cos E\right),
-
-turned by omega about z, by inc about x and by Omega about z.  Positions and velocities are moved to the barycentre at
-rest.  All of it is computed in 40 digits and rounded once.
+A row has a position and a velocity, or orbital elements (`elements`) about the central body or, in Jacobi's way, about
+the barycentre of the rows before it.  All of it is computed in 40 digits and rounded once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 
@@ -20,13 +15,19 @@ import mpmath
 
 from phasebench.integrators.errors import InvalidInput, unknown_name
 
+from . import elements
+from .elements import KEYWORDS, Vector
 from .gravity import MASSLESS
 from .units import Units
 
 CARTESIAN = ("x", "y", "z", "vx", "vy", "vz")
+#: The elements that a message names.
 ELEMENTS = ("a", "e", "inc", "Omega", "omega", "M")
 HELIOCENTRIC, BARYCENTRIC = "heliocentric", "barycentric"
 FRAMES = (HELIOCENTRIC, BARYCENTRIC)
+#: About what elements are: the central body, or the barycentre of the bodies before.
+JACOBI = "jacobi"
+CENTRES = (HELIOCENTRIC, JACOBI)
 #: More bodies make formulae that take minutes to derive.
 MOST = 16
 DIGITS = 40
@@ -35,7 +36,6 @@ OFF = 1e-9
 
 #: A row of a table: where it stands ("planets.csv, line 4"), and column -> text or number.
 Row = tuple[str, Mapping[str, object]]
-Vector = tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,14 @@ class Bodies:
         return [0, *sorted(size, key=size.__getitem__)]
 
 
-def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, heads: Sequence[str]) -> Bodies:
+def bodies(
+    rows: Sequence[Row],
+    units: Units,
+    frame: str | None,
+    where: str,
+    heads: Sequence[str],
+    about: str = HELIOCENTRIC,
+) -> Bodies:
     """Check a table of gravitating bodies, and make the `Bodies` of it; raise InvalidInput that names row and column.
 
     Parameters
@@ -134,9 +141,12 @@ def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, hea
     rows : pairs (where the row stands, column -> text or number), the central body first
     units, frame : the units of all numbers; "heliocentric", "barycentric", or None if columns are orbital elements
     where, heads : the name of the table in messages, such as its path, and the names of the columns
+    about : what orbital elements are about, of `CENTRES`
     """
+    if about not in CENTRES:
+        raise InvalidInput(f"{where}: elements are about {unknown_name('centre', about, CENTRES)}")
     chosen = _columns(heads, where)
-    if frame is None and chosen != ELEMENTS:
+    if frame is None and chosen != KEYWORDS:
         raise InvalidInput(f"{where}: it does not say about what positions are; say the frame: {' or '.join(FRAMES)}")
     frame = frame or HELIOCENTRIC
     if frame not in FRAMES:
@@ -156,8 +166,8 @@ def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, hea
                 raise InvalidInput(f"{place}, column m: the mass of {name} is {m:g}; {why}")
             if not members:
                 x, v = _central(place, row, chosen, frame)
-            elif chosen == ELEMENTS:
-                x, v = _of_elements(place, row, mpmath.mpf(units.G) * (mpmath.mpf(members[0].mass) + m))
+            elif chosen == KEYWORDS:
+                x, v = _of_elements(place, row, m, members[:1] if about == HELIOCENTRIC else members, units.G)
             else:
                 numbers = [mpmath.mpf(_number(place, row, c)) for c in CARTESIAN]
                 x, v = tuple(numbers[:3]), tuple(numbers[3:])
@@ -173,26 +183,46 @@ def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, hea
     return found
 
 
+def _of_elements(
+    place: str, row: Mapping[str, object], m: float, inner: Sequence[Body], G: float
+) -> tuple[Vector, Vector]:
+    """Return (position, velocity) of a body of mass m from a row of elements about the barycentre of ``inner``."""
+    given = {name: _number(place, row, name) for name in KEYWORDS if not _is_empty(row.get(name))}
+    masses = [mpmath.mpf(b.mass) for b in inner]
+    found = elements.state(place, given, mpmath.mpf(G) * (mpmath.fsum(masses) + m))
+    centres = _mean([b.x for b in inner], masses), _mean([b.v for b in inner], masses)
+    return tuple(tuple(a + b for a, b in zip(*pair, strict=True)) for pair in zip(found, centres, strict=True))
+
+
+def _mean(vectors: Sequence[Vector], masses: Sequence) -> Vector:
+    total = mpmath.fsum(masses)
+    return tuple(
+        mpmath.fsum(m * x for m, x in zip(masses, axis, strict=True)) / total for axis in zip(*vectors, strict=True)
+    )
+
+
 def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
     twice = [h for i, h in enumerate(heads) if h in heads[:i]]
     if twice:
         raise InvalidInput(f"{where}: the column {twice[0]} is there twice; leave one out")
-    strange = [h for h in heads if h not in ("name", "m", *CARTESIAN, *ELEMENTS)]
+    strange = [h for h in heads if h not in ("name", "m", *CARTESIAN, *KEYWORDS)]
     if strange:
-        known = unknown_name("column", strange[0], ["name", "m", *CARTESIAN, *ELEMENTS])
+        near = difflib.get_close_matches(strange[0], KEYWORDS)
+        known = unknown_name("column", strange[0], near or ["name", "m", *CARTESIAN, *ELEMENTS])
         raise InvalidInput(
-            f"{where}: {known} (capitals matter: Omega is the node, omega the pericentre, M the anomaly)"
+            f"{where}: {known} (capitals matter: Omega is the node, omega the pericentre, M the anomaly, P the period)"
         )
-    given = {kind for kind in (CARTESIAN, ELEMENTS) if set(heads) & set(kind)}
+    given = {kind for kind in (CARTESIAN, KEYWORDS) if set(heads) & set(kind)}
     if len(given) == 2:
         raise InvalidInput(f"{where}: columns are of both kinds; give {', '.join(CARTESIAN)} or {', '.join(ELEMENTS)}")
     chosen = given.pop() if given else CARTESIAN
-    needed = ("name", "m", *(chosen if chosen == CARTESIAN else chosen[:1]))
+    sized = [c for c in elements.SIZES if c in heads] or elements.SIZES[:1]
+    needed = ("name", "m", *(chosen if chosen == CARTESIAN else sized))
     missing = [c for c in needed if c not in heads]
     if missing:
         wanted = (
-            f"name, m, {', '.join(chosen)}"
-            if set(heads) & {*CARTESIAN, *ELEMENTS}
+            f"name, m, {', '.join(CARTESIAN if chosen == CARTESIAN else ELEMENTS)}"
+            if set(heads) & {*CARTESIAN, *KEYWORDS}
             else (f"name, m and {', '.join(CARTESIAN)}, or name, m and {', '.join(ELEMENTS)}")
         )
         raise InvalidInput(f"{where}: the column {missing[0]} is missing; write {wanted}")
@@ -215,10 +245,8 @@ def _is_empty(value: object) -> bool:
 
 
 def _number(place: str, row: Mapping[str, object], column: str) -> float:
-    """Return the number in a column of a row, 0 for a missing element other than a; raise InvalidInput for others."""
+    """Return the number in a column of a row; raise InvalidInput for anything else there."""
     value = row.get(column)
-    if column in ELEMENTS[1:] and _is_empty(value):
-        return 0.0
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError):
@@ -246,48 +274,6 @@ def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], fra
     return zero, zero
 
 
-def _of_elements(place: str, row: Mapping[str, object], mu: mpmath.mpf) -> tuple[Vector, Vector]:
-    """Return (position, velocity) about the central body from a row of orbital elements, angles in degrees."""
-    a, e, *angles = (mpmath.mpf(_number(place, row, c)) for c in ELEMENTS)
-    if a <= 0:
-        raise InvalidInput(f"{place}, column a: the semi-major axis is {float(a):g}; it must be positive")
-    if not 0 <= e < 1:
-        hint = "; give an orbit that is not bound by x, y, z, vx, vy, vz" if e >= 1 else ""
-        raise InvalidInput(
-            f"{place}, column e: the eccentricity is {float(e):g}; it must be at least 0 and below 1{hint}"
-        )
-    inc, node, pericentre, M = (mpmath.radians(angle) for angle in angles)
-    M = M - 2 * mpmath.pi * mpmath.nint(M / (2 * mpmath.pi))
-    E = _anomaly(M, e)
-    c, s, b = mpmath.cos(E), mpmath.sin(E), mpmath.sqrt(1 - e**2)
-    speed = mpmath.sqrt(mu / a) / (1 - e * c)
-    turn = _rotation(inc, node, pericentre)
-    return turn(a * (c - e), a * b * s), turn(-speed * s, speed * b * c)
-
-
-def _anomaly(M: mpmath.mpf, e: mpmath.mpf) -> mpmath.mpf:
-    """Solve Kepler's equation E - e sin E = M for E, |M| <= pi, by Newton's method from above (monotonic there)."""
-    E = min(abs(M) + e, mpmath.pi)
-    for _ in range(200):
-        step = (E - e * mpmath.sin(E) - abs(M)) / (1 - e * mpmath.cos(E))
-        E -= step
-        if abs(step) <= mpmath.mpf(10) ** (5 - DIGITS) * E:
-            break
-    return E if M >= 0 else -E
-
-
-def _rotation(inc: mpmath.mpf, node: mpmath.mpf, pericentre: mpmath.mpf) -> Callable[..., Vector]:
-    """Make the function (x, y) -> (X, Y, Z) from an orbit's plane, x towards the pericentre, to space."""
-    cO, sO, co, so = mpmath.cos(node), mpmath.sin(node), mpmath.cos(pericentre), mpmath.sin(pericentre)
-    ci, si = mpmath.cos(inc), mpmath.sin(inc)
-
-    def turn(x: mpmath.mpf, y: mpmath.mpf) -> Vector:
-        u, w = co * x - so * y, so * x + co * y
-        return cO * u - sO * ci * w, sO * u + cO * ci * w, si * w
-
-    return turn
-
-
 def _minus(a: Vector, b: Vector) -> Vector:
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
@@ -297,17 +283,14 @@ def _length(a: Vector) -> mpmath.mpf:
 
 
 def _center(vectors: Sequence[Vector], masses: Sequence) -> list[tuple[float, ...]]:
-    total = mpmath.fsum(masses)
-    centre = tuple(
-        mpmath.fsum(m * x for m, x in zip(masses, axis, strict=True)) / total for axis in zip(*vectors, strict=True)
-    )
+    centre = _mean(vectors, masses)
     return [tuple(map(float, _minus(v, centre))) for v in vectors]
 
 
 def _check_frame(found: Bodies, chosen: tuple[str, ...], where: str) -> None:
     """Refuse a table that says barycentric with its central body at rest at the origin, where the barycentre is not."""
     first = found.members[0]
-    if chosen == ELEMENTS or found.frame != BARYCENTRIC or any(first.x) or any(first.v):
+    if chosen == KEYWORDS or found.frame != BARYCENTRIC or any(first.x) or any(first.v):
         return
     masses = [mpmath.mpf(b.mass) for b in found.members]
     size = max(_length(b.x) for b in found.members)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from phasebench.integrators.errors import InvalidInput, unknown_name
 
-from .bodies import FRAMES, Bodies, bodies
+from .bodies import CENTRES, FRAMES, HELIOCENTRIC, Bodies, bodies
 from .units import units
 
 WANTED = "# units: AU, day, Msun"
-COMMENTS = ("units", "frame")
+COMMENTS = ("units", "frame", "elements")
 
 
 def read(path: str | Path) -> Bodies:
@@ -32,7 +32,7 @@ def read(path: str | Path) -> Bodies:
 
 def parse(text: str, path: str) -> Bodies:
     """Parse a file's text to bodies; raise InvalidInput, naming the file ``path`` and the line, if it is malformed."""
-    found_units, frame = None, None
+    found_units, frame, about = None, None, HELIOCENTRIC
     heads: list[str] = []
     top, stands, seen, rows = path, 0, {}, []
     for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
@@ -49,6 +49,9 @@ def parse(text: str, path: str) -> Bodies:
             frame = rest.strip().lower() if word == "frame" else frame
             if word == "frame" and frame not in FRAMES:
                 raise InvalidInput(f"{place}: {unknown_name('frame', frame, FRAMES)}")
+            about = rest.strip().lower() if word == "elements" else about
+            if word == "elements" and about not in CENTRES:
+                raise InvalidInput(f"{place}: {unknown_name('centre of elements', about, CENTRES)}")
             continue
         try:
             cells = [c.strip() for c in next(csv.reader([line], skipinitialspace=True, strict=True), [])]
@@ -68,4 +71,4 @@ def parse(text: str, path: str) -> Bodies:
         raise InvalidInput(f"{path} is empty; write a line {WANTED}, one of columns (name, m, a, e, ...), one a body")
     if found_units is None:
         raise InvalidInput(f"{path} does not say its units; write a first line such as {WANTED}")
-    return bodies(rows, found_units, frame, top, heads)
+    return bodies(rows, found_units, frame, top, heads, about)

@@ -29,7 +29,7 @@ from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from . import bodies_file, kept
 from .base import Orbit, Pace, Problem, floats
-from .bodies import Bodies, bodies
+from .bodies import HELIOCENTRIC, Bodies, bodies
 from .units import Units
 from .units import units as units_of
 
@@ -86,6 +86,7 @@ def planetary_system(
     *,
     units: str = "",
     frame: str | None = None,
+    elements: str = HELIOCENTRIC,
     id: str = "planetary-system",
 ) -> PlanetarySystem:
     """Make the gravitational problem of a table of bodies, the central one first.
@@ -93,11 +94,14 @@ def planetary_system(
     Parameters
     ----------
     table : the path of a file such as ``planets.csv``; a DataFrame; column -> values; or a sequence of rows.  Columns
-        are ``name, m`` and either ``x, y, z, vx, vy, vz`` or ``a, e, inc, Omega, omega, M`` (angles in degrees, about
-        the first body; missing ones but a are 0); m = 0 is a test particle
+        are ``name, m`` and either ``x, y, z, vx, vy, vz`` or orbital elements under REBOUND's names: ``a`` or ``P``,
+        ``e, inc, Omega``, ``omega`` or ``pomega``, and one of ``M, f, l, theta``, ``T`` (the time of the pericentre)
+        and ``T0`` (that of a transit); angles in degrees, missing ones 0; m = 0 is a test particle
     units : the units of length, time and mass, for a table that is no file; by default ``"AU, day, Msun"``
     frame : of positions and velocities in a table that is no file: ``"heliocentric"`` (about the first body) or
         ``"barycentric"``
+    elements : what elements in a table that is no file are about: ``"heliocentric"``, the first body, or ``"jacobi"``,
+        the barycentre of the rows before
     id : the problem's name; the problem of a file is named by its path
 
     Returns
@@ -120,13 +124,15 @@ def planetary_system(
     6
     """
     if isinstance(table, (str, Path)):
-        if units or frame is not None:
-            raise InvalidInput(f"{table} says its units and frame itself; leave out units= and frame=")
+        if units or frame is not None or elements != HELIOCENTRIC:
+            raise InvalidInput(
+                f"{table} says its units, frame and elements itself; leave out units=, frame=, elements="
+            )
         return from_file(table)
     rows = _rows(table)
     heads = list(dict.fromkeys(str(column) for _, row in rows for column in row))
     found_units = units_of(units, "units=") if units else Units()
-    return of_bodies(bodies(rows, found_units, frame, "the table", heads), id)
+    return of_bodies(bodies(rows, found_units, frame, "the table", heads, elements), id)
 
 
 def _rows(table: Mapping[str, Iterable[Any]] | Iterable[Mapping[str, Any]]) -> list[tuple[str, dict[str, Any]]]:

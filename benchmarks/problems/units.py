@@ -11,7 +11,11 @@ from phasebench.integrators.errors import InvalidInput, unknown_name
 #: Lengths in AU (of exactly 149,597,870.7 km), times in days, masses in solar masses.
 LENGTHS = {"AU": Fraction(1), "km": Fraction(10, 1_495_978_707), "m": Fraction(1, 149_597_870_700)}
 TIMES = {"day": Fraction(1), "yr": Fraction("365.25"), "s": Fraction(1, 86400)}
-MASSES = {"Msun": Fraction(1)}
+TIMES |= {"h": Fraction(1, 24), "min": Fraction(1, 1440)}
+#: The nominal G M of Sun, Jupiter and Earth in m^3/s^2 (IAU 2015, resolution B3), and G in m^3/(kg s^2) (CODATA 2022).
+NOMINAL = {"Msun": Fraction("1.3271244e20"), "Mjup": Fraction("1.2668653e17"), "Mearth": Fraction("3.986004e14")}
+NOMINAL |= {"kg": Fraction("6.67430e-11")}
+MASSES = {name: value / NOMINAL["Msun"] for name, value in NOMINAL.items()}
 #: AU^3 / (Msun day^2).
 G = Fraction("2.95912208286e-4")
 #: Other words for a unit of time, and multiples.

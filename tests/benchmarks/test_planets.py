@@ -345,7 +345,7 @@ def test_missing_elements_are_zero():
 
 #: (text of the table of positions, its replacement, words of the message).
 PLACED = [
-    ("AU, day, Msun", "AU, day, Mearth", ["line 1", "'Mearth'", "Msun"]),
+    ("AU, day, Msun", "AU, day, Mmoon", ["line 1", "'Mmoon'", "Msun"]),
     ("AU, day, Msun", "AU, day", ["line 1", "no unit of mass"]),
     ("AU, day, Msun", "AU, km, day, Msun", ["line 1", "AU and km"]),
     ("# units: AU, day, Msun\n", "", ["planets.csv", "units"]),
@@ -380,6 +380,9 @@ ORBITING = [
     ("3e-6,1,0.0167", "3e-6,,0.0167", ["line 5", "column a", "empty"]),
     ("sun,1,,", "sun,1,1,", ["line 4", "column a", "write 0"]),
     ("Omega,omega", "Node,omega", ["line 3", "'Node'", "capitals"]),
+    ("Omega,omega", "Omega,pomga", ["line 3", "'pomga'", "pomega"]),
+    ("e,inc", "P,inc", ["line 5", "columns a and P", "one of them"]),
+    ("# units", "# elements: barycentric\n# units", ["line 1", "'barycentric'", "heliocentric"]),
 ]
 
 
