@@ -26,7 +26,6 @@ from .runs import (
     GROWTH,
     LADDER,
     LONG,
-    LONGEST,
     MEMBERS,
     ORBITS,
     PRICED,
@@ -34,6 +33,7 @@ from .runs import (
     SPREAD,
     STANDARD,
     TAYLOR,
+    USUAL_STEPS,
     cost,
     follow,
     orbit_times,
@@ -322,11 +322,11 @@ STUDY = Study(
         f"{PHASE_ROUND_OFF:g} rad, and peers at a tolerance looser than their own, are not judged.",
         f"A phase error is unexplained above {CLOCK:g} times what the energy error can do: the integrator's time is "
         "wrong.",
-        f"Starts an ulp apart are run for phase errors from {DRAWN[0]:g} to {DRAWN[1]:g} rad; runs of more than "
-        f"{DEAR:g} s are made once, and their phase errors taken to be known within a factor {SPREAD:g}.",
+        f"Starts an ulp apart are run for phase errors from {DRAWN[0]:g} to {DRAWN[1]:g} rad; those of {DEAR[0]} at "
+        f"its default tolerance take long: its phase errors are taken to be known within a factor {SPREAD:g}.",
         "Without the Schwarzschild term a Wisdom–Holman splitting is the exact flow: this says nothing of a perturbed "
         "problem.",
-        f"Steps at which a run would take more than {LONGEST:g} s are left out, and so is SciPy over 10⁴ orbits; a "
-        "step between two that were tried might be cheaper.",
+        f"The most steps an orbit are {max(LADDER)}, and {USUAL_STEPS} or fewer where a run would take much more than "
+        "a second; SciPy is left out over 10⁴ orbits. A step between two that were tried might be cheaper.",
     ),
 )  # fmt: skip

@@ -83,19 +83,32 @@ PRICED = {
         *chosen("scipy-dop853-numba", "scipy-lsoda-numba"),
     )
 }  # fmt: skip
-#: Steps an orbit.  From `STANDARD` on the number is raised until the phase error is at most FOLLOWED or the run would
-#: take more than LONGEST seconds, and lowered until the phase error exceeds USEFUL (radians).
+#: Steps an orbit.  From `STANDARD` on the number is raised to the `MOST_STEPS` of the integrator, or until the phase
+#: error is at most FOLLOWED, and lowered until the phase error exceeds USEFUL (radians).
 LADDER, STANDARD = (50, 100, 150, 300, 600, 1200, 2400), 150
-LONGEST, FOLLOWED, USEFUL = 1.2, 1e-10, 1e-2
+FOLLOWED, USEFUL = 1e-10, 1e-2
+#: Label -> the most steps an orbit, with which a run takes about a second; no clock decides which rows there are.
+MOST_STEPS = {"stormer-verlet": 2400, "scheme-iii(lam=0)": 2400} | dict.fromkeys(
+    ("scheme-i(lam=1/3)", "scheme-iii-suzuki-4(lam=0)"), 1200
+)
+MOST_STEPS |= dict.fromkeys(("scheme-ii(lam=1/3)", "scheme-iii-sofroniou-spaletta-8(lam=0)", "rebound-whfast"), 300)
+MOST_STEPS |= dict.fromkeys(
+    (
+        *("scheme-iv", "scheme-v", "scheme-iii-sofroniou-spaletta-10(lam=0)", "wisdom-holman-aba-10-6-4"),
+        *("rebound-leapfrog-8", "rebound-saba-10-6-4"),
+    ),
+    150,
+)
+USUAL_STEPS = 600
 #: The tolerances of adaptive peers; None: the package's default.
 TOLERANCES = {"heyoka": (None, 1e-12, 1e-9, 1e-6), "heyoka-high-accuracy": (None, 1e-12), "rebound-ias15": (None, 1e-6)}
-#: Phase errors within DRAWN may be random by round-off: such runs are repeated from neighbouring starts if they take at
-#: most DEAR seconds; the phase error of a longer run is taken to be known to a factor SPREAD.
-DRAWN, DEAR, SPREAD = (3e-11, 3e-8), 2.5, 30.0
+#: Phase errors within DRAWN may be random by round-off: such runs are repeated from neighbouring starts, but the DEAR
+#: ones, whose phase error is taken to be known to a factor SPREAD.
+DRAWN, DEAR, SPREAD = (3e-11, 3e-8), ("rebound-ias15", None), 30.0
 #: If FIRST repetitions agree within the factor ALIKE, the error is truncation, and no more are made.
 ALIKE, FIRST = 1.05, 2
-#: Orbits of the long runs, of the short runs that estimate their cost, between rows of a run from a neighbouring start.
-ORBITS, FEW, APART = 10_000, 20, 100
+#: Orbits of the long runs, and between rows of a run from a neighbouring start.
+ORBITS, APART = 10_000, 100
 #: Seconds after which a run of a method of this project stops; points of a fit of growth, equally spaced in log t.
 TIMEOUT, POINTS = 20.0, 25
 #: The least steps of a timed run, orbits of an adaptive one, rounds.
@@ -163,14 +176,11 @@ def reference(made: Problem, exact: Truth, orbits: int = ORBITS) -> tuple[Settin
 def runs(c: Integrator, made: Problem, exact: Truth) -> list[tuple[Setting, dict, list[dict]]]:
     """(Setting, row, rows on the way) of each run: at every tolerance, or at finer and wider steps than the standard.
 
-    Finer steps end when the phase error is round-off or a run takes too long, wider ones when the phase is lost.
+    Finer steps end when the phase error is round-off, wider ones when the phase is lost.
     """
     if c.adaptive:
         return [(s, *run(c, made, exact, s)) for s in settings(c)]
     by_steps = {s.per_orbit: s for s in settings(c)}
-    # Seconds a step, from the standard step, or from the shortest one where the standard one fails.
-    clocks = ((n, orbit_clock(c, made, exact.period, by_steps[n], FEW)) for n in (STANDARD, LADDER[-1]))
-    step = next((timed() / FEW / n for n, timed in clocks if timed is not None), inf)
     at = cache(lambda n: (by_steps[n], *run(c, made, exact, by_steps[n])))
 
     def precise(rungs: list) -> str:
@@ -181,8 +191,8 @@ def runs(c: Integrator, made: Problem, exact: Truth) -> list[tuple[Setting, dict
         last = rungs[-1][1]
         return "failed" if last["status"] != OK else "lost" if last["phase, low"] > USEFUL else ""
 
-    affordable = [n for n in LADDER if n == STANDARD or (n > STANDARD and step * n * ORBITS <= LONGEST)]
-    finer, _ = climb(affordable, at, precise)
+    most = MOST_STEPS.get(c.label, USUAL_STEPS)
+    finer, _ = climb([n for n in LADDER if STANDARD <= n <= most], at, precise)
     wider, _ = climb([n for n in LADDER[::-1] if n <= STANDARD], at, lost)
     return [*finer, *wider[1:]]
 
@@ -197,11 +207,12 @@ def run(c: Integrator, made: Problem, exact: Truth, setting: Setting) -> tuple[d
         s = c.run(made, h=exact.period / setting.per_orbit, steps=setting.per_orbit * 10)
         kept = zip(("energy", "momentum"), invariants(s.q, s.p, exact.mu), (exact.H, exact.L), strict=True)
         row |= {f"{n}, every step": float(np.abs((x - y) / y).max()) for n, x, y in kept}
-    seconds = row.pop("seconds", inf)
+    row.pop("seconds", None)
     phase = samples[-1]["phase"] if row["status"] == OK else inf
     found, count = Median(phase, phase, phase), 1
     if DRAWN[0] <= phase <= DRAWN[1]:
-        found, count = median_phase(phase, draws(c, made, exact, setting, ORBITS) if seconds <= DEAR else iter(()))
+        others = iter(()) if (c.label, setting.tol) == DEAR else draws(c, made, exact, setting, ORBITS)
+        found, count = median_phase(phase, others)
     row |= {"phase median": found.value, "phase, low": found.low, "phase, high": found.high}
     return row | {"starts": count}, samples
 
