@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.measure.certify import CertifiedState as CertifiedState
     from phasebench.benchmarks.measure.certify import References as References
     from phasebench.benchmarks.measure.certify import certify as certify
+    from phasebench.benchmarks.measure.chaos import Lyapunov as Lyapunov
+    from phasebench.benchmarks.measure.chaos import lyapunov as lyapunov
     from phasebench.benchmarks.measure.ensembles import Ensemble as Ensemble
     from phasebench.benchmarks.measure.ensembles import Section as Section
     from phasebench.benchmarks.measure.ensembles import integrate_ensemble as integrate_ensemble
@@ -75,6 +77,7 @@ _HOMES = {
     "Hamiltonian": "integrators",
     "Integrator": "benchmarks.measure.integrator",
     "InvalidInput": "integrators",
+    "Lyapunov": "benchmarks.measure.chaos",
     "METHODS": "integrators",
     "Method": "integrators",
     "Orbit": "benchmarks.problems.base",
@@ -100,6 +103,7 @@ _HOMES = {
     "integrate": "benchmarks.measure.integrator",
     "integrate_ensemble": "benchmarks.measure.ensembles",
     "integrator": "benchmarks.measure.integrator",
+    "lyapunov": "benchmarks.measure.chaos",
     "method": "integrators",
     "planetary_system": "benchmarks.problems.planetary",
     "prepare": "benchmarks.measure.integrator",

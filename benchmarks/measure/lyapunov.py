@@ -46,9 +46,14 @@ def _derivatives(
 
 def exponent(system: PartitionedSystem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> float:
     """Return the largest Lyapunov exponent of an orbit from rows t (n,), q and p (n, d); NaN if one is not finite."""
-    y = np.concatenate([q, p], axis=1).T
-    if not np.isfinite(y).all():
+    if not (np.isfinite(q).all() and np.isfinite(p).all()):
         return float("nan")
+    return _log_norm(tangent_maps(system, t, q, p)) / np.abs(t[-1] - t[0])
+
+
+def tangent_maps(system: PartitionedSystem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the tangent maps from row to row, array (n - 1, 2 d, 2 d), of rows t (n,), q and p (n, d)."""
+    y = np.concatenate([q, p], axis=1).T
     field, jacobian = _derivatives(system)
     h = np.diff(t)
     v = field(y)
@@ -57,7 +62,7 @@ def exponent(system: PartitionedSystem, t: np.ndarray, q: np.ndarray, p: np.ndar
     first, last = A[:-1], A[1:]
     h = h[:, None, None]
     omega = h / 6 * (first + 4 * jacobian(middle) + last) + h**2 / 12 * (last @ first - first @ last)
-    return _log_norm(_exp(omega)) / np.abs(t[-1] - t[0])
+    return _exp(omega)
 
 
 def _exp(X: np.ndarray) -> np.ndarray:
