@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from .page import Page, Picture, Table
-from .verdict import Verdict
+from .verdict import MEANING, PASS, Verdict
 
 #: Line width of the text, in characters.
 WIDTH = 110
@@ -102,6 +102,12 @@ def verdicts_table(found: Sequence[Verdict]) -> str:
     return table(rows if rows["where it is worst"].any() else rows.drop(columns="where it is worst"))
 
 
+def _meaning(verdicts: Sequence[Verdict]) -> str:
+    """What the outcomes in a table of verdicts mean."""
+    there = [name for name in MEANING if name == PASS or any(v.outcome == name for v in verdicts)]
+    return "; ".join(f"*{name}*: {MEANING[name]}" for name in there) + "."
+
+
 def document(
     page: Page,
     outcome: str,
@@ -120,6 +126,7 @@ def document(
     """
     parts = [f"# {page.question}\n", wrap(f"**{outcome}** {answer}") + "\n"]
     if verdicts:
+        parts += [wrap(_meaning(verdicts)) + "\n"] if any(v.outcome != PASS for v in verdicts) else []
         parts.append(verdicts_table(verdicts))
     if outdated:
         remedy = "`pytest benchmarks --dear` measures them."
