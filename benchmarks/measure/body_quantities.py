@@ -8,6 +8,8 @@ normal n, is turned about its node into the plane of coordinates, where
 .. math:: \lambda = \operatorname{atan2}\Bigl(y - \frac{z\,n_y}{1 + n_z},\ x - \frac{z\,n_x}{1 + n_z}\Bigr).
 
 If the orbit is retrograde at the start, z and :math:`n_z` have the other sign: :math:`\lambda = \Omega - \omega - f`.
+
+The elements a, e, inc, Omega, pomega are those of the osculating orbit about the central body, angles in radians.
 """
 
 from __future__ import annotations
@@ -51,11 +53,41 @@ def _cartesian(name: str, component: int) -> Callable:
     return value
 
 
-def _longitude(problem: PlanetarySystem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+def _orbit(problem: PlanetarySystem, body: int, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Position, velocity and their cross product about the central body, arrays (n, 3)."""
     x = position(problem, body, q, p)
     v = position(problem, body, p / np.repeat(problem.bodies.masses, SPACE), p)
-    normal = np.cross(x, v)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return x, v, np.cross(x, v)
+
+
+def _element(name: str) -> Callable:
+    """The function (problem, body, q, p) -> (1,) of an element of the osculating orbit at the end."""
+
+    def value(problem: PlanetarySystem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+        masses = problem.bodies.masses
+        mu = problem.bodies.units.G * (masses[0] + masses[body])
+        x, v, L = (part[-1] for part in _orbit(problem, body, q[-1:], p[-1:]))
+        r = np.linalg.norm(x)
+        e = np.cross(v, L) / mu - x / r  # points to the pericentre, of the size of the eccentricity
+        sign = -1.0 if L[2] < 0 else 1.0
+        node = np.arctan2(L[0], -L[1])
+        towards = np.array([np.cos(node), np.sin(node), 0.0])
+        pericentre = np.arctan2(np.cross(towards, e) @ L / np.linalg.norm(L), towards @ e)
+        found = {
+            "a": 1 / (2 / r - v @ v / mu),
+            "e": np.linalg.norm(e),
+            "inc": np.arctan2(np.hypot(L[0], L[1]), L[2]),
+            "Omega": node,
+            "pomega": node + sign * pericentre,
+        }
+        return np.array([found[name]])
+
+    return value
+
+
+def _longitude(problem: PlanetarySystem, body: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    x, _, normal = _orbit(problem, body, q, p)
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     sign = -1.0 if normal[0, 2] < -RIGHT else 1.0
     tilt = sign * x[-1, 2] / (1 + sign * normal[-1, 2])
     return np.arctan2(x[-1:, 1] - tilt * normal[-1:, 1], x[-1:, 0] - tilt * normal[-1:, 0])
@@ -75,6 +107,11 @@ KINDS: dict[str, tuple[str, str, Callable, bool]] = {
     "longitude": ("the true longitude about the central body, in its own orbit", "rad", _longitude, True),
     "latitude": ("the latitude over the plane of coordinates, seen from the central body", "rad", _latitude, False),
     "distance": ("the distance from the central body", "length", _distance, False),
+    "a": ("the semi-major axis of the osculating orbit", "length", _element("a"), False),
+    "e": ("the eccentricity of the osculating orbit", "", _element("e"), False),
+    "inc": ("the inclination of the osculating orbit", "rad", _element("inc"), False),
+    "Omega": ("the longitude of the node of the osculating orbit", "rad", _element("Omega"), True),
+    "pomega": ("the longitude of the pericentre of the osculating orbit", "rad", _element("pomega"), True),
     **{
         name: (f"{name} in the frame of the table", "length" if k < SPACE else "speed", _cartesian(name, k), False)
         for k, name in enumerate(CARTESIAN)

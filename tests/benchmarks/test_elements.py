@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import phasebench as pb
+from phasebench.benchmarks.measure.named_quantities import quantity
 from phasebench.benchmarks.problems import bodies_file, elements
 from phasebench.benchmarks.problems.units import G, units
 
@@ -102,3 +103,22 @@ def test_masses_and_times_have_their_units(unit, in_kg, source):
     assert pytest.approx(6.6743e-20 * in_kg, rel=source) == here.G
     assert pytest.approx(day.G / 24**2, rel=1e-14) == units("AU, h, Msun", "here").G
     assert pytest.approx(day.G / 1440**2, rel=1e-14) == units("AU, min, Msun", "here").G
+
+
+def test_elements_of_the_osculating_orbit_are_those_of_the_table():
+    for seed in range(5):
+        rows = drawn(seed, 3)
+        made = pb.planetary_system(rows)
+        sim = rebound.Simulation()
+        sim.G = float(made.bodies.units.G)
+        for row in rows:
+            given = {k: np.radians(x) if k in ANGLES else x for k, x in row.items() if k != "name"}
+            sim.add(**given, **({"primary": sim.particles[0]} if len(given) > 1 else {}))
+        for k, row in enumerate(rows[1:], start=1):
+            orbit = sim.particles[k].orbit(primary=sim.particles[0])
+            for name in ("a", "e", "inc", "Omega", "pomega"):
+                found = quantity(made, f"{row['name']}.{name}")
+                here = float(found.values(made, np.zeros(1), np.array([made.q0]), np.array([made.p0]))[0])
+                apart = here - getattr(orbit, name)
+                apart = (apart + np.pi) % (2 * np.pi) - np.pi if found.angle else apart
+                assert abs(apart) < 1e-9 * max(1.0, abs(here)), (seed, row, name)
