@@ -10,6 +10,7 @@ import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
+from typing import NamedTuple
 
 import mpmath
 
@@ -56,6 +57,17 @@ class Body:
     massive: bool = True
 
 
+class Oblate(NamedTuple):
+    """The flattening of the central body about the z axis: J2, J4, and the equatorial radius to which they belong."""
+
+    J2: float = 0.0
+    J4: float = 0.0
+    radius: float = 0.0
+
+
+ROUND = Oblate()
+
+
 @dataclass(frozen=True)
 class Bodies:
     """The bodies of a gravitating system, the central one first, with their units.
@@ -64,11 +76,13 @@ class Bodies:
     ----------
     members, units : the bodies, in the order of the table, and the units of all numbers
     frame : heliocentric (about the first body) or barycentric
+    oblate : the flattening of the central body
     """
 
     members: tuple[Body, ...]
     units: Units
     frame: str
+    oblate: Oblate = ROUND
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -91,7 +105,7 @@ class Bodies:
         """The table as nested tuples of numbers and strings, which tell it from another."""
         with mpmath.workdps(DIGITS):
             rows = tuple((b.name, b.mass, tuple(map(str, (*b.x, *b.v))), b.massive) for b in self.members)
-        return rows, tuple(self.units), self.frame
+        return rows, tuple(self.units), self.frame, tuple(self.oblate)
 
     def without(self, names: Iterable[str]) -> Bodies:
         """Return the table without the bodies of these names."""
@@ -133,6 +147,7 @@ def bodies(
     where: str,
     heads: Sequence[str],
     about: str = HELIOCENTRIC,
+    oblate: Oblate = ROUND,
 ) -> Bodies:
     """Check a table of gravitating bodies, and make the `Bodies` of it; raise InvalidInput that names row and column.
 
@@ -142,7 +157,10 @@ def bodies(
     units, frame : the units of all numbers; "heliocentric", "barycentric", or None if columns are orbital elements
     where, heads : the name of the table in messages, such as its path, and the names of the columns
     about : what orbital elements are about, of `CENTRES`
+    oblate : the flattening of the central body
     """
+    if not all(map(isfinite, oblate)) or oblate.radius < 0 or (any(oblate[:2]) and not oblate.radius):
+        raise InvalidInput(f"{where}: J2 and J4 take the radius of the central body, a positive number, beside them")
     if about not in CENTRES:
         raise InvalidInput(f"{where}: elements are about {unknown_name('centre', about, CENTRES)}")
     chosen = _columns(heads, where)
@@ -178,7 +196,7 @@ def bodies(
                         f"{place}: {name} is where {other.name} ({stands}) is; move one, or leave it out"
                     )
             members.append(Body(name, m, x, v))
-        found = Bodies(tuple(members), units, frame)
+        found = Bodies(tuple(members), units, frame, oblate)
         _check_frame(found, chosen, where)
     return found
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from phasebench.integrators.errors import InvalidInput, unknown_name
 
-from .bodies import CENTRES, FRAMES, HELIOCENTRIC, Bodies, bodies
+from .bodies import CENTRES, FRAMES, HELIOCENTRIC, ROUND, Bodies, Oblate, bodies
 from .units import units
 
 WANTED = "# units: AU, day, Msun"
-COMMENTS = ("units", "frame", "elements")
+COMMENTS = ("units", "frame", "elements", "j2")
 
 
 def read(path: str | Path) -> Bodies:
@@ -32,7 +32,7 @@ def read(path: str | Path) -> Bodies:
 
 def parse(text: str, path: str) -> Bodies:
     """Parse a file's text to bodies; raise InvalidInput, naming the file ``path`` and the line, if it is malformed."""
-    found_units, frame, about = None, None, HELIOCENTRIC
+    found_units, frame, about, oblate = None, None, HELIOCENTRIC, ROUND
     heads: list[str] = []
     top, stands, seen, rows = path, 0, {}, []
     for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
@@ -49,6 +49,7 @@ def parse(text: str, path: str) -> Bodies:
             frame = rest.strip().lower() if word == "frame" else frame
             if word == "frame" and frame not in FRAMES:
                 raise InvalidInput(f"{place}: {unknown_name('frame', frame, FRAMES)}")
+            oblate = _oblate(f"J2: {rest}", place) if word == "j2" else oblate
             about = rest.strip().lower() if word == "elements" else about
             if word == "elements" and about not in CENTRES:
                 raise InvalidInput(f"{place}: {unknown_name('centre of elements', about, CENTRES)}")
@@ -71,4 +72,18 @@ def parse(text: str, path: str) -> Bodies:
         raise InvalidInput(f"{path} is empty; write a line {WANTED}, one of columns (name, m, a, e, ...), one a body")
     if found_units is None:
         raise InvalidInput(f"{path} does not say its units; write a first line such as {WANTED}")
-    return bodies(rows, found_units, frame, top, heads, about)
+    return bodies(rows, found_units, frame, top, heads, about, oblate)
+
+
+def _oblate(text: str, place: str) -> Oblate:
+    """Read "J2: 1.6e-2, J4: -6e-4, radius: 4.8e-4"; raise InvalidInput for anything else."""
+    found = {}
+    for part in text.split(","):
+        name, _, value = (x.strip() for x in part.partition(":"))
+        if name not in Oblate._fields or name in found:
+            raise InvalidInput(f"{place}: '{part.strip()}'; write J2: 1.6e-2, radius: 4.8e-4, and J4: if it is known")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise InvalidInput(f"{place}: {name} is '{value}'; it must be a number") from None
+    return Oblate(**found)

@@ -29,7 +29,7 @@ from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from . import bodies_file, kept
 from .base import Orbit, Pace, Problem, floats
-from .bodies import HELIOCENTRIC, Bodies, bodies
+from .bodies import HELIOCENTRIC, Bodies, Oblate, bodies
 from .units import Units
 from .units import units as units_of
 
@@ -87,6 +87,9 @@ def planetary_system(
     units: str = "",
     frame: str | None = None,
     elements: str = HELIOCENTRIC,
+    J2: float = 0.0,
+    J4: float = 0.0,
+    radius: float = 0.0,
     id: str = "planetary-system",
 ) -> PlanetarySystem:
     """Make the gravitational problem of a table of bodies, the central one first.
@@ -102,6 +105,8 @@ def planetary_system(
         ``"barycentric"``
     elements : what elements in a table that is no file are about: ``"heliocentric"``, the first body, or ``"jacobi"``,
         the barycentre of the rows before
+    J2, J4, radius : the flattening of the central body about the z axis, and its equatorial radius, for a table that is
+        no file
     id : the problem's name; the problem of a file is named by its path
 
     Returns
@@ -124,15 +129,15 @@ def planetary_system(
     6
     """
     if isinstance(table, (str, Path)):
-        if units or frame is not None or elements != HELIOCENTRIC:
+        if units or frame is not None or elements != HELIOCENTRIC or any((J2, J4, radius)):
             raise InvalidInput(
-                f"{table} says its units, frame and elements itself; leave out units=, frame=, elements="
+                f"{table} says its units, frame, elements and flattening itself; leave out units=, frame=, ..."
             )
         return from_file(table)
     rows = _rows(table)
     heads = list(dict.fromkeys(str(column) for _, row in rows for column in row))
     found_units = units_of(units, "units=") if units else Units()
-    return of_bodies(bodies(rows, found_units, frame, "the table", heads, elements), id)
+    return of_bodies(bodies(rows, found_units, frame, "the table", heads, elements, Oblate(J2, J4, radius)), id)
 
 
 def _rows(table: Mapping[str, Iterable[Any]] | Iterable[Mapping[str, Any]]) -> list[tuple[str, dict[str, Any]]]:
@@ -174,11 +179,15 @@ def build(found: Bodies) -> PlanetarySystem:
     N, G = len(found.members), sp.Rational(found.units.G)
     masses = [sp.Rational(m) for m in found.masses]
     q, p, pairs, distances, invariants = gravity.bodies(N, "xyz", first=0)
+    H = gravity.newton(p, masses, G, pairs, distances)
+    if any(found.oblate):
+        H += _flattening(q, masses, G, *map(sp.Rational, found.oblate))
+        del invariants["angular-momentum-1"], invariants["angular-momentum-2"]
     light = {i for i, name in enumerate(found.names) if name in found.particles}
     system = Hamiltonian(
         q=q,
         p=p,
-        H=gravity.newton(p, masses, G, pairs, distances),
+        H=H,
         singular=[r for pair, r in zip(pairs, distances, strict=True) if not light.issuperset(pair)],
         invariants=invariants.values(),
         kepler=gravity.kepler_part(masses, G, found.order()),
@@ -196,6 +205,24 @@ def build(found: Bodies) -> PlanetarySystem:
         time_unit=found.units.time,
         bodies=found,
     )
+
+
+def _flattening(
+    q: list, masses: list, G: sp.Rational, J2: sp.Rational, J4: sp.Rational, radius: sp.Rational
+) -> sp.Expr:
+    """Return what H has more where the first body is flattened about the z axis.
+
+    Source: C. D. Murray, S. F. Dermott, Solar System Dynamics (1999), section 6.11.  It is the sum over the others of
+    G m_0 m_i / r (J2 (R/r)^2 P_2(z/r) + J4 (R/r)^4 P_4(z/r)), P_n Legendre's.
+    """
+    x = [sp.Matrix(q[i : i + 3]) for i in range(0, len(q), 3)]
+    parts = []
+    for m, place in zip(masses[1:], x[1:], strict=True):
+        away = place - x[0]
+        r = sp.sqrt(sum(s**2 for s in away))
+        for n, J in ((2, J2), (4, J4)):
+            parts.append(G * masses[0] * m * J * radius**n / r ** (n + 1) * sp.legendre(n, away[2] / r))
+    return sp.Add(*parts)
 
 
 def _pace(found: Bodies) -> Pace:

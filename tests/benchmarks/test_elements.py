@@ -122,3 +122,38 @@ def test_elements_of_the_osculating_orbit_are_those_of_the_table():
                 apart = here - getattr(orbit, name)
                 apart = (apart + np.pi) % (2 * np.pi) - np.pi if found.angle else apart
                 assert abs(apart) < 1e-9 * max(1.0, abs(here)), (seed, row, name)
+
+
+def test_a_flattened_body_has_its_potential_and_turns_the_node_and_the_pericentre():
+    rows = [{"name": "saturn", "m": 1.0}]
+    rows += [{"name": "moon", "m": 0.0, "a": 1.0, "e": 0.05, "inc": 30.0, "Omega": 40.0, "omega": 60.0, "M": 10.0}]
+    round_, flat = (pb.planetary_system(rows, J2=J2, J4=J4, radius=0.2) for J2, J4 in ((0.0, 0.0), (0.01, -0.003)))
+    q = np.array([[0.1, 0.0, 0.2, 0.6, -0.3, 0.9]])
+    away = q[0, 3:] - q[0, :3]
+    r = np.linalg.norm(away)
+    legendre = [np.polynomial.Legendre.basis(n)(away[2] / r) for n in (2, 4)]
+    more = float(G) / r * (0.01 * (0.2 / r) ** 2 * legendre[0] - 0.003 * (0.2 / r) ** 4 * legendre[1])
+    mass = round_.bodies.masses[1]
+    H = [float(s.system.observe(s.system.H, q, 0 * q)[0]) for s in (round_, flat)]
+    assert (H[1] - H[0]) / mass == pytest.approx(more, rel=1e-4)
+    assert "angular-momentum-1" not in flat.invariants
+    # The rates to the first order in J2.
+    made = pb.planetary_system(rows, J2=2e-5, radius=0.2)
+    n, c = float(G) ** 0.5, np.cos(np.radians(30))
+    s = pb.integrate(made, "wisdom-holman", h=2 * np.pi / n / 50, t_end=400 * np.pi / n, save_every=5)
+    assert s.status == "ok"
+    first = -1.5 * n * 2e-5 * (0.2 / (1 - 0.05**2)) ** 2
+    for name, rate in (("Omega", first * c), ("pomega", first * c - first / 2 * (5 * c**2 - 1))):
+        values = quantity(made, f"moon.{name}").values
+        places = [slice(k, k + 1) for k in range(len(s.t))]
+        angle = np.unwrap([float(values(made, s.t[k], s.q[k], s.p[k])[0]) for k in places])
+        assert np.polyfit(s.t, angle, 1)[0] == pytest.approx(rate, rel=0.01)
+
+
+@pytest.mark.parametrize("wrong", ["J2: 1e-2", "J2: much, radius: 1", "J2: 1e-2, size: 1", "J2: 1e-2, radius: -1"])
+def test_the_flattening_stands_in_a_comment_of_the_file(wrong):
+    text = "# units: AU, day, Msun\n# {}\nname,m,a\nsaturn,1,\nmoon,0,1\n"
+    found = bodies_file.parse(text.format("J2: 1.6e-2, radius: 4e-4, J4: -1e-3"), "p.csv")
+    assert found.oblate == (1.6e-2, -1e-3, 4e-4)
+    with pytest.raises(pb.InvalidInput, match=r"J2|radius"):
+        bodies_file.parse(text.format(wrong), "p.csv")
