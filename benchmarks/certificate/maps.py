@@ -35,6 +35,7 @@ from phasebench.integrators.keywords import check_names
 from phasebench.integrators.systems.formula import parse
 
 from .result import Certificate
+from .subject import NAMED, imported
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -110,8 +111,8 @@ def validate_map(
 
     Parameters
     ----------
-    target : a function (q, p) -> (q, p) of arrays (d,), or the path of a file with such a function ``map``, which may
-        have CLAIMS, D and STATES
+    target : a function (q, p) -> (q, p) of arrays (d,), the path of a file with such a function ``map``, or
+        ``"package.module:callable"``; the file or module may have CLAIMS, D and STATES
     symplectic, volume : True or False, as it is claimed
     reversible : True with p -> -p; or the involution, (q, p) -> (q, p), or its name in the file
     invariants : formulas in q and p, or q1, q2, ..., p1, p2, ...
@@ -167,9 +168,14 @@ def certify_map(
 def _read(target: Any, claims: Mapping[str, Any], d: int | None, states: Any, seed: int) -> OneMap:
     if callable(target):
         name, f, holder = getattr(target, "__name__", "map"), target, None
+    elif NAMED.match(str(target)) and not user_file.is_file(str(target)):
+        name = str(target)
+        holder, f = imported(name)
     else:
         name = str(target)
         file, dotted = user_file.file_and_object(name)
+        if not Path(file).exists():
+            raise InvalidInput(f"there is no file {file}; write ./mine.py or package.module:callable")
         holder = user_file.load(file, "map")
         f = getattr(holder, dotted or "map", None)
         if not callable(f):

@@ -130,7 +130,15 @@ def _find(name: str) -> Subject:
 
 
 def _import_object(name: str) -> Subject:
-    """Import ``package.module:name``, also from the working folder as with `python -m`."""
+    owner, found = imported(name)
+    return replace(_of_function(found), own=own_step.build_own_step(name, owner, found))
+
+
+def imported(name: str) -> tuple[Any, Callable]:
+    """Import ``package.module:name``, also from the working folder as with `python -m`: (who has its claims, it).
+
+    Raises InvalidInput if it cannot be imported or called.
+    """
     home, _, path = name.partition(":")
     here = str(Path.cwd())
     added = here not in sys.path and "" not in sys.path
@@ -148,7 +156,7 @@ def _import_object(name: str) -> Subject:
             sys.path.remove(here)
     if not callable(found):
         raise InvalidInput(f"{name} is a {type(found).__name__}, which cannot be called")
-    return replace(_of_function(found), own=own_step.build_own_step(name, owner, found))
+    return owner, found
 
 
 def _of_function(function: Callable) -> Subject:

@@ -175,6 +175,16 @@ def test_bad_files(tmp_path, text, named):
         pb.validate_map(file, symplectic=True)
 
 
+def test_a_map_is_found_by_its_module(tmp_path, monkeypatch):
+    (tmp_path / "rings.py").write_text(STANDARD)
+    monkeypatch.chdir(tmp_path)
+    found = pb.validate_map("rings:map", reversible="turn")
+    assert (found.verdict, len(found.claims)) == ("pass", 6)
+    for missing in ("rings:nothing", "nothing:map", "leapfrog", "./nothing.py"):
+        with pytest.raises(pb.InvalidInput):
+            pb.validate_map(missing)
+
+
 def test_a_map_without_a_value_says_where():
     found = pb.validate_map(lambda q, p: (np.log(q), p), symplectic=True, states=[[1, 0], [-1, 0]])
     assert (found.verdict, found.claims[0].on) == ("fail", ("state 2",))
