@@ -11,7 +11,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from . import options
-from .shared import invalid_input, print_json, show
+from .shared import invalid_input, out, print_json, show, width
 
 
 class Kind(StrEnum):
@@ -67,14 +67,18 @@ def _methods() -> list[Row]:
             "source": m.source,
             "cite": list(m.cite),
         }
-        for m in sorted(METHODS, key=lambda m: -wins.get(m.id, 0))
+        for m in METHODS
     ]
 
 
 def _best(rows: list[Row]) -> list[Row]:
-    """The methods to show first: those that are usual, and as many that win most as make `SHOWN`."""
-    winners = [row["method"] for row in rows if row["method"] not in USUAL][: SHOWN - len(USUAL)]
+    """The methods to show unless all are asked for: those that are usual, and as many that win most as make `SHOWN`."""
+    winners = [row["method"] for row in _ranked(rows) if row["method"] not in USUAL][: SHOWN - len(USUAL)]
     return [row for row in rows if row["method"] in (*USUAL, *winners)]
+
+
+def _ranked(rows: list[Row]) -> list[Row]:
+    return sorted(rows, key=lambda row: -row.get("wins", 0))
 
 
 def _problems() -> list[Row]:
@@ -174,9 +178,13 @@ def list_(
         print(f"none of the {kind.value}")
     else:
         count = f"{len(some)} of " if len(some) < len(rows) else ""
-        show(f"{count}{len(rows)} {kind.value}", [{head: _text(value) for head, value in row.items()} for row in some])
+        show(
+            f"{count}{len(rows)} {kind.value}",
+            [{head: _text(value) for head, value in row.items()} for row in _ranked(some)],
+        )
         if kind is Kind.methods:
-            print("wins: on so many problems and powers of ten of the error none is faster by more than a twentieth")
+            told = "wins: on so many problems and powers of ten of the error none is faster by more than a twentieth"
+            out.print(told, highlight=False, width=width())
 
 
 def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]:
