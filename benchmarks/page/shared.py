@@ -29,3 +29,8 @@ def growth(rows: pd.DataFrame) -> pd.Series:
 def worst(by: str, text: str) -> Callable[[pd.DataFrame], str]:
     """A verdict's ``where``: the format string ``text`` of the row in which the expression ``by`` is largest."""
     return lambda rows: text.format_map(rows.loc[rows.eval(by).idxmax()])
+
+
+def most(by: str, text: str) -> Callable[[pd.DataFrame], str]:
+    """As `worst`; "" if the expression is nowhere above 0."""
+    return lambda rows: worst(by, text)(rows) if (rows.eval(by) > 0).any() else ""

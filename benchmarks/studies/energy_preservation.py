@@ -6,8 +6,6 @@ initial one; not every step has such a root.  A combined scheme tries the other 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,10 +13,10 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import root_scan
-from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import Picture, Table, of
-from phasebench.benchmarks.page.shared import worst
-from phasebench.benchmarks.page.study import Claim, Runs, Study
+from phasebench.benchmarks.page import panels
+from phasebench.benchmarks.page.page import Table, of
+from phasebench.benchmarks.page.shared import most
+from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.page.verdict import NONE, Count, at_most
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.store.cells import ProblemKey
@@ -92,16 +90,6 @@ def rooted(rows: pd.DataFrame) -> Count:
     return Count(steps - int(rows["without a root"].sum()), steps)
 
 
-def most_rootless(text: str) -> Callable[[pd.DataFrame], str]:
-    """The run with most steps without a root, formatted by ``text``; "" if there is none."""
-
-    def where(rows: pd.DataFrame) -> str:
-        found = worst("`without a root`", text)(rows)
-        return found if rows["without a root"].any() else ""
-
-    return where
-
-
 def both(rows: pd.DataFrame) -> Count | None:
     """The steps of the combined schemes that have a root; None if the first was not run."""
     return rooted(rows) if (rows["scheme"] == ALTERNATING[0]).any() else None
@@ -113,48 +101,29 @@ def missed(rows: pd.DataFrame) -> Count | None:
     return Count(int(rows["scan finds a root within the radius"].sum()), scanned) if scanned else None
 
 
-@of(TABLE)
-def _answer(frame: pd.DataFrame) -> str | None:
-    """The largest energy error, and in how many steps no lambda keeps the energy."""
-    rows = frame.query(ran(PLAIN))
-    if rows.empty:
-        return None
-    without, steps = int(rows["without a root"].sum()), int(rows["steps"].sum())
-    text = f"Schemes IV and V keep the energy to {number(rows[WITH].max(), 2)} up to t = 1000"
-    if not without:
-        return f"{text}, on every one of {steps} steps."
-    text += f", except on {without} of {steps} steps without a suitable λ, where the error reaches "
-    return f"{text}{number(rows[WITHOUT].max(), 2)}."
-
-
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-@of(TABLE)
-@style.styled
-def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The largest energy error over h, beside that of the implicit midpoint rule, a panel for each problem."""
-    curves = {
+@panels.picture(
+    TABLE, "energy_preservation", "energy errors over the step",
+    "Largest energy error to t = 1000 over the step size, on steps with and without a root, beside that of the "
+    "implicit midpoint rule.",
+)  # fmt: skip
+def _draw(frame: pd.DataFrame) -> panels.Figure:
+    shown = {
         "Scheme IV, steps with a root": ("scheme-iv", WITH),
         "Scheme V, steps with a root": ("scheme-v", WITH),
         "Scheme IV, steps without": ("scheme-iv", WITHOUT),
         "implicit midpoint": ("scheme-iv", "implicit midpoint's energy error"),
     }
-    problems = frame.groupby("problem", sort=False)
-    figure, (panels,) = style.panels(1, len(problems), 3.0, sharey=True)
-    for axes, (name, rows) in zip(panels, problems, strict=True):
-        for k, (label, (scheme, column)) in enumerate(curves.items()):
+
+    def curves(axes: panels.Axes, rows: pd.DataFrame) -> None:
+        for k, (label, (scheme, column)) in enumerate(shown.items()):
             part = rows[rows["scheme"] == scheme].sort_values("h")
             axes.loglog(part["h"], part[column], label=label, **style.curve(k))
-        axes.set(title=name, xlabel="$h$")
-        axes.grid(color="0.93", linewidth=0.5)
-    panels[0].set_ylabel("largest energy error")
-    style.legend_above(figure, panels[0], 2)
-    caption = (
-        "Largest energy error to t = 1000 over the step size, on steps with and without a root, beside that of the "
-        "implicit midpoint rule."
-    )
-    return [Picture(style.save(figure, folder, "energy_preservation.png"), "energy errors over the step", caption)]
+
+    problems = frame.groupby("problem", sort=False)
+    return panels.row(problems, curves, 3.0, "$h$", "largest energy error", legend=2, sharey=True)
 
 
 SAME = ("problem", "scheme", "h", "steps", "without a root")
@@ -169,7 +138,6 @@ COLUMNS = dict(zip(SAME, SAME, strict=True)) | {
 
 @of(TABLE)
 def _table(frame: pd.DataFrame) -> Table:
-    """Runs with steps in which no lambda keeps the energy, then the largest energy errors."""
     order = frame.assign(none=frame["without a root"] == 0).sort_values(["none", WITH], ascending=[True, False])
     caption = (
         "Runs that have steps without a root, then those of the largest energy error. Energy errors: on steps with a "
@@ -182,7 +150,8 @@ STUDY = Study(
     id="energy_preservation",
     place=170,
     question="Do Schemes IV and V keep the energy on every step?",
-    answer=_answer,
+    answer="Schemes IV and V keep the energy to {energy} up to t = 1000, except on {without} of {roots.of} steps "
+    "without a suitable λ, where the error reaches {reached}.",
     setting=(
         "In each step the parameter λ near 1/2 is a root of E(λ, h) = H(q₁(λ), p₁(λ)) − H₀.",
         "Hénon–Heiles (box, chaotic) and perturbed Kepler to t = 1000, h from 0.2 to 0.005.",
@@ -206,7 +175,7 @@ STUDY = Study(
         "roots": Claim(
             "Every step of Schemes IV and V has a root",
             TABLE, rooted, rows=ran(PLAIN), unit="steps",
-            where=most_rootless(f"{PLACE}: {{without a root}} steps without"),
+            where=most("`without a root`", f"{PLACE}: {{without a root}} steps without"),
         ),
         "search": Claim(
             "The root finder misses no root that an independent scan finds",
@@ -214,8 +183,13 @@ STUDY = Study(
         ),
         "alternating": Claim(
             "Every step has a root of Scheme IV or of Scheme V",
-            TABLE, both, rows=ran(ALTERNATING), unit="steps", where=most_rootless(PLACE),
+            TABLE, both, rows=ran(ALTERNATING), unit="steps", where=most("`without a root`", PLACE),
         ),
+    },
+    numbers={
+        "energy": Number(TABLE, f"`{WITH}`", ran(PLAIN), digits=2),
+        "without": Number(TABLE, "`without a root`", ran(PLAIN), pd.Series.sum),
+        "reached": Number(TABLE, f"`{WITHOUT}`", ran(PLAIN), digits=2),
     },
     checks={
         "kept": Claim("The energy is kept to round-off", TABLE, f"`{WITH}`", at_most(1e-14), rows="status == 'ok'"),

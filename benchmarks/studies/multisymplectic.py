@@ -9,7 +9,6 @@ coarsest mesh show the order in time, finer meshes at one step the order in spac
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +17,9 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import box_laws, metrics
 from phasebench.benchmarks.measure.box_laws import ENERGY, FOLLOWS, MOMENTUM, TWO_FORM
-from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
-from phasebench.benchmarks.page.study import Claim, Runs, Study
+from phasebench.benchmarks.page import panels
+from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.problems import klein_gordon, nls
 from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.driver import OK
@@ -151,23 +150,15 @@ def energy_kept(rows: pd.DataFrame) -> pd.Series:
     return rows["cell energy kept"].where(rows["keeps"] == "cell", rows["total energy error"] <= KEPT).astype(bool)
 
 
-@of(cases)
-def _answer(rows: pd.DataFrame) -> str | None:
-    kept, others = rows[rows["declared"]], rows[~rows["declared"]]
-    if kept.empty:
-        return None
-    text = "In every cell of space-time box schemes keep the multisymplectic law of Schrödinger and Klein–Gordon"
-    text += f" equations to {number(kept['units'].max(), 2)} units of round-off"
-    return f"{text}; controls miss it by {number(others['least'].min(), 2)} and more." if len(others) else f"{text}."
-
-
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-@of(TABLE)
-@style.styled
-def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture] | None:
-    """The residuals of the two-form's law and of the energy law over the step."""
+@panels.picture(
+    TABLE, "multisymplectic", "residuals of local laws",
+    f"Largest residuals over all cells of space-time, {CELLS[0]} cells in space: of the multisymplectic law (above, "
+    "relative to its largest term) and of the energy law (below).",
+)  # fmt: skip
+def _draw(frame: pd.DataFrame) -> panels.Figure | None:
     rows = frame[(frame["status"] == OK) & (frame["falls"] == IN_TIME)]
     if rows.empty:
         return None
@@ -185,9 +176,7 @@ def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture] | None:
     grid[0, 0].set_ylabel("two-form, relative")
     grid[1, 0].set_ylabel("energy law")
     style.legend_above(figure, grid[0, 0], 4)
-    caption = f"Largest residuals over all cells of space-time, {CELLS[0]} cells in space: of the multisymplectic law"
-    caption += " (above, relative to its largest term) and of the energy law (below)."
-    return [Picture(style.save(figure, folder, "multisymplectic.png"), "residuals of local laws", caption)]
+    return figure
 
 
 COLUMNS = {
@@ -205,7 +194,6 @@ COLUMNS = {
 
 @of(cases)
 def _table(rows: pd.DataFrame) -> Table:
-    """Residuals, orders and errors of totals, a row for each equation and scheme."""
     caption = "The largest values over all runs of a case; an order is empty where the residual is round-off."
     total = rows[rows["keeps"] == "total"]
     if len(total):
@@ -219,7 +207,8 @@ STUDY = Study(
     id="multisymplectic",
     place=320,
     question="Do box schemes keep the local conservation laws in every cell of space-time?",
-    answer=_answer,
+    answer="In every cell of space-time box schemes keep the multisymplectic law of Schrödinger and Klein–Gordon "
+    "equations to {kept} units of round-off; controls miss it by {missed} and more.",
     setting=(
         "K z_t + L z_x = ∇S(z), period 2π: i ψ_t + ψ_xx + 2|ψ|²ψ = 0, and φ_tt = φ_xx − φ − |φ|²φ, complex.",
         "Laws: two-form (uᵀKv)_t + (uᵀLv)_x = 0 of two linearized solutions u, v; energy (S − zᵀLz_x/2)_t + "
@@ -259,6 +248,10 @@ STUDY = Study(
             "The residual of the momentum law falls as Δx²",
             cases, f"abs(`momentum order` - {IN_SPACE_ORDER}) < {NEAR}", rows="declared", **CASE,
         ),
+    },
+    numbers={
+        "kept": Number(cases, "units", "declared", digits=2),
+        "missed": Number(cases, "least", "not declared", pd.Series.min, digits=2),
     },
     checks={"runs": Claim("Every run came to its end", TABLE, "status == 'ok'")},
     figure=_draw,

@@ -12,15 +12,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import Picture, Table, of
-from phasebench.benchmarks.page.shared import worst
+from phasebench.benchmarks.page.page import Table, of
+from phasebench.benchmarks.page.shared import most
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.page.verdict import at_least
 from phasebench.benchmarks.problems import problem
@@ -124,11 +124,6 @@ def where_lost(part: pd.DataFrame) -> str:
     return " and ".join(near + ([f"at {others} other step{'s' if others > 1 else ''}"] if others else []))
 
 
-def most_lost(found: pd.DataFrame) -> str:
-    """The method that loses the energy at most step sizes, and where."""
-    return worst("`energy lost`", "{method}, lost {where it is lost}")(found) if found["energy lost"].any() else ""
-
-
 @of(TABLE, summary)
 def _answer(frame: pd.DataFrame, found: pd.DataFrame) -> str:
     """Which methods keep the energy at every step size, and from which one others lose it."""
@@ -144,35 +139,27 @@ def _answer(frame: pd.DataFrame, found: pd.DataFrame) -> str:
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-@of(TABLE)
-@style.styled
-def _draw(frame: pd.DataFrame, directory: Path) -> list[Picture]:
-    """The errors of H and of the oscillatory energy I against h omega / pi, a panel for each method."""
-    methods, columns = frame.groupby("method", sort=False), 3
-    figure, axes = style.panels(-(-len(methods) // columns), columns, 6.4, sharex=True, sharey=True)
-    for ax in axes.flat[len(methods) :]:
-        ax.set_axis_off()
-    for ax, (name, part) in zip(axes.flat, methods, strict=False):
-        part = part.sort_values(RATIO)
-        ax.semilogy(part[RATIO], part[OSCILLATORY], linewidth=1.0, color=style.ORANGE, linestyle="--", zorder=2)
-        ax.semilogy(part[RATIO], part[ENERGY], linewidth=1.0, color=style.BLUE, linestyle="-", zorder=3)
+@panels.picture(
+    TABLE, "oscillatory", "errors of H and I against hω/π",
+    "Greatest errors of H (solid) and of the oscillatory energy I (dashed) against hω/π; triangles: no finite end, a "
+    f"step refused, or an error of H above {number(LIMITS[1])}. Grey lines: hω is a multiple of π.",
+)  # fmt: skip
+def _draw(frame: pd.DataFrame) -> panels.Figure:
+    shared = {"sharex": True, "sharey": True}
+    figure, by_method = panels.grid(frame["method"].unique(), 3, 6.4, r"$h\omega/\pi$", "greatest error", **shared)
+    for name, axes in by_method.items():
+        part = frame[frame["method"] == name].sort_values(RATIO)
+        axes.semilogy(part[RATIO], part[OSCILLATORY], linewidth=1.0, color=style.ORANGE, linestyle="--", zorder=2)
+        axes.semilogy(part[RATIO], part[ENERGY], linewidth=1.0, color=style.BLUE, linestyle="-", zorder=3)
         out = part[(part["status"] != OK) | (part[ENERGY] > LIMITS[1])]
-        ax.plot(out[RATIO], [LIMITS[1] / 2] * len(out), "v", color=style.VERMILION, markersize=3, zorder=4)
+        axes.plot(out[RATIO], [LIMITS[1] / 2] * len(out), "v", color=style.VERMILION, markersize=3, zorder=4)
         for k in range(1, 1 + int(frame[RATIO].max())):
-            ax.axvline(k, color="0.85", linewidth=0.6, zorder=0)
-        ax.set(title=name, ylim=LIMITS)
-        ax.grid(axis="y", color="0.93", linewidth=0.5)
+            axes.axvline(k, color="0.85", linewidth=0.6, zorder=0)
+        axes.set(title=name, ylim=LIMITS)
+        axes.grid(axis="y", color="0.93", linewidth=0.5)
     for text, y, colour in (("error of H", 0.17, style.BLUE), ("error of I", 0.06, style.ORANGE)):
-        ax.text(0.96, y, text, color=colour, transform=ax.transAxes, ha="right")
-    for ax in axes[-1]:
-        ax.set_xlabel(r"$h\omega/\pi$")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("greatest error")
-    caption = (
-        "Greatest errors of H (solid) and of the oscillatory energy I (dashed) against hω/π; triangles: no finite end, "
-        f"a step refused, or an error of H above {number(LIMITS[1])}. Grey lines: hω is a multiple of π."
-    )
-    return [Picture(style.save(figure, directory, "oscillatory.png"), "errors of H and I against hω/π", caption)]
+        axes.text(0.96, y, text, color=colour, transform=axes.transAxes, ha="right")
+    return figure
 
 
 @of(summary)
@@ -210,7 +197,8 @@ STUDY = Study(
         "survivors": Claim(
             "Some methods keep the energy at every step size",
             summary, lambda found: int((found["energy lost"] == 0).sum()), at_least(1),
-            unit=lambda found: f"of {len(found)} methods", where=most_lost,
+            unit=lambda found: f"of {len(found)} methods",
+            where=most("`energy lost`", "{method}, lost {where it is lost}"),
         ),
     },
     checks={

@@ -30,6 +30,7 @@ from phasebench.benchmarks.measure.metrics import refinement_difference
 from phasebench.benchmarks.measure.root_scan import along, summary
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.shared import worst
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
 from phasebench.benchmarks.page.verdict import NONE, Between, Count
 from phasebench.benchmarks.problems import problem
@@ -147,11 +148,6 @@ def scan(h: float) -> dict[str, list[dict]]:
 # -- judging -----------------------------------------------------------------------------------------------------------
 
 
-def _farthest(rows: pd.DataFrame) -> str:
-    row = rows.loc[rows["units"].idxmax()]
-    return f"{row['scheme']} at h = {number(row['h'])}: {number(row['units'])} of the last printed digit"
-
-
 def rooted(scans: pd.DataFrame) -> Count:
     """The steps of Scheme IV that have a root near 1/2."""
     steps = int(scans["steps"].sum())
@@ -260,7 +256,8 @@ STUDY = Study(
     claims={
         "agreement": Claim(
             "The printed entries of Schemes I–III, AVF and V are reproduced",
-            TABLE, f"units <= {AGREEMENT}", rows=REST, unit="entries", where=_farthest, fault=True,
+            TABLE, f"units <= {AGREEMENT}", rows=REST, unit="entries",
+            where=worst("units", "{scheme} at h = {h:g}: {units:.3g} of the last printed digit"), fault=True,
         ),
         "scheme-iv": Claim(
             "The printed entries of Scheme IV are reproduced",

@@ -16,8 +16,9 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.quantities import END_STATE
-from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
+from phasebench.benchmarks.page.shared import worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import EVERY, NONE, Between, Count, at_least
 from phasebench.benchmarks.problems import labels
@@ -112,12 +113,6 @@ def those(rows: str) -> Callable[[pd.DataFrame], str]:
     return named
 
 
-def tightest(rows: pd.DataFrame) -> str:
-    """The state with the smallest uncertainty for its error."""
-    found = rows.loc[(rows["uncertainty"] / rows["error"]).idxmin()]
-    return f"{found['problem']}, t = {number(found['t'])}"
-
-
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 COLUMNS = ["problem", "t_end", "error", "uncertainty", "horizon", "earliest", "latest", LEAVES, "rate", "distance"]
@@ -126,8 +121,7 @@ NAMED = {LEAVES: "this machine", "distance": "Gauss 16"}
 
 
 @of(STORED)
-def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Errors of the digits with their uncertainties (left), horizons with intervals (right)."""
+def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     shown = frame.sort_values("uncertainty").reset_index(drop=True)
     y, t_end = np.arange(len(shown)), shown["t_end"]
     with style.settings():
@@ -155,8 +149,7 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
 
 
 @of(STORED)
-def table(frame: pd.DataFrame) -> Table:
-    """The orbits that are hard to follow, then the ten largest uncertainties."""
+def _table(frame: pd.DataFrame) -> Table:
     hard = frame["rate"].notna() | (frame["earliest"] < frame["t_end"])
     shown = pd.concat([frame[hard], frame[~hard].nlargest(10, "uncertainty")])
     caption = (
@@ -199,7 +192,8 @@ STUDY = Study(
         ),
         "between": Claim(
             "At random times between stored states, the uncertainty bounds the error",
-            ODD, "error <= uncertainty", EVERY, unit="states", where=tightest, fault=True,
+            ODD, "error <= uncertainty", EVERY, unit="states",
+            where=worst("error / uncertainty", "{problem}, t = {t:.3g}"), fault=True,
         ),
         "second": Claim(
             "No other solver disagrees beyond the uncertainties of both",
@@ -221,8 +215,8 @@ STUDY = Study(
         "uncertain": Number(STORED, "uncertainty", digits=2),
         "short": Number(STORED, "horizon < t_end", take=pd.Series.sum),
     },
-    figure=draw,
-    shown=table,
+    figure=_draw,
+    shown=_table,
     whole=of(STORED)(lambda frame: frame[COLUMNS].rename(columns=NAMED)),
     limits=(
         "All Taylor runs are heyoka's, from the same formulae: a mistake there shows only in the distance of the Gauss "

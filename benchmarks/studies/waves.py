@@ -5,16 +5,15 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks import style
-from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
-from phasebench.benchmarks.page.study import Claim, Runs, Study
-from phasebench.benchmarks.page.verdict import EVERY, Count, at_most
+from phasebench.benchmarks.page import panels
+from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import most
+from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
+from phasebench.benchmarks.page.verdict import EVERY, at_most
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey
 from phasebench.integrators.driver import OK, SKIPPED, integrate
@@ -33,6 +32,7 @@ UNITS = 1000
 REPEATS = 3
 #: Number of mesh points.
 N = 64
+RAN = "status == 'ok'"
 
 
 def measure(problem: str, method: str, h: float) -> dict:
@@ -75,82 +75,21 @@ def _seconds(run: Callable[[], object]) -> float:
     return time.perf_counter() - begin
 
 
-# -- judging -----------------------------------------------------------------------------------------------------------
-
-
-def kept(what: str) -> Callable[[pd.DataFrame], Count]:
-    """The runs that keep the "energy" or the "invariant", of completed ones whose method is declared to."""
-
-    def count(rows: pd.DataFrame) -> Count:
-        part = declared(rows, what)
-        return Count(int(part[f"{what} is kept"].astype(bool).sum()), len(part))
-
-    return count
-
-
-def lost(what: str) -> Callable[[pd.DataFrame], str]:
-    """The methods that do not keep it, though they are declared to."""
-
-    def names(rows: pd.DataFrame) -> str:
-        part = declared(rows, what)
-        off = sorted(part.loc[~part[f"{what} is kept"].astype(bool), "method"].unique())
-        return join_list(off, 4) if off else ""
-
-    return names
-
-
-def declared(rows: pd.DataFrame, what: str) -> pd.DataFrame:
-    """The completed runs whose method is declared to keep the "energy", or the charge (as "invariant")."""
-    ran = rows[rows["status"] == OK]
-    if what == "energy":
-        return ran[ran["energy class"] == ROUND_OFF]
-    return ran[(ran["invariant"] == "charge") & (ran["quadratic class"] == ROUND_OFF)]
-
-
-def rootless(rows: pd.DataFrame) -> str:
-    """The run with most steps without a root."""
-    row = rows.loc[rows["fallbacks"].idxmax()]
-    return f"{row['method']} on {row['problem']}, h = {number(row['h'])}" if row["fallbacks"] else ""
-
-
-@of(TABLE)
-def answer(frame: pd.DataFrame) -> str | None:
-    """How many runs that are declared to keep the energy, and the charge, do."""
-    energies, charges = kept("energy")(frame), kept("invariant")(frame)
-    if not energies.of:
-        return None
-    text = "On discretized Schrödinger and Klein–Gordon waves, energy-preserving methods hold the energy"
-    text += f" in {energies.n} of {energies.of} runs"
-    missed = int(frame.loc[frame["status"] == OK, "fallbacks"].sum())
-    text += f", except on {missed} steps" if missed else ""
-    return f"{text}; {charges.n} of {charges.of} runs declared to keep the charge do." if charges.of else f"{text}."
-
-
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-@of(TABLE)
-def draw(frame: pd.DataFrame, folder: Path) -> list[Picture] | None:
-    """The energy error against the time of an integration, a panel for each wave equation."""
+@panels.picture(
+    TABLE, "waves", "energy error against time",
+    "Largest energy error, on steps with a root, over the seconds of the integration; the marks of a curve are its "
+    "step sizes.",
+)  # fmt: skip
+def _draw(frame: pd.DataFrame) -> panels.Figure | None:
     ran = frame[frame["status"] == OK]
     if ran.empty:
         return None
-    problems, methods = (list(dict.fromkeys(ran[c])) for c in ("problem", "method"))
-    with style.settings():
-        figure, (panels,) = style.panels(1, len(problems), 3.2, sharey=True)
-        for axes, name in zip(panels, problems, strict=True):
-            for k, method in enumerate(methods):
-                part = ran[(ran["problem"] == name) & (ran["method"] == method)]
-                axes.loglog(part["seconds"], part["energy error"].clip(lower=1e-17), label=method, **style.curve(k))
-            axes.set(title=name, xlabel="warm integration (s)")
-            axes.grid(color="0.93", linewidth=0.5)
-        panels[0].set_ylabel("energy error")
-        style.legend_above(figure, panels[0], 4)
-    caption = (
-        "Largest energy error, on steps with a root, over the seconds of the integration; the marks of a curve are its "
-        "step sizes."
-    )
-    return [Picture(style.save(figure, folder, "waves.png"), "energy error against time", caption)]
+    of_method = panels.curves("method", "seconds", "energy error", ran["method"].unique(), span=(1e-17, None))
+    problems, text = ran.groupby("problem", sort=False), ("warm integration (s)", "energy error")
+    return panels.row(problems, of_method, 3.2, *text, legend=4, sharey=True)
 
 
 COLUMNS = {
@@ -168,24 +107,18 @@ COLUMNS = {
 
 
 @of(TABLE)
-def table(frame: pd.DataFrame) -> Table:
-    """Every method on every equation, at its smallest step."""
+def _table(frame: pd.DataFrame) -> Table:
     least = frame.loc[frame.groupby(["problem", "method"], sort=False)["h"].idxmin()]
     caption = "Every method on every problem, at its smallest step."
     return Table(least[list(COLUMNS)].rename(columns=COLUMNS).head(ROWS), caption)
-
-
-@of(TABLE)
-def whole(frame: pd.DataFrame) -> pd.DataFrame:
-    """All runs."""
-    return frame[list(COLUMNS)].rename(columns=COLUMNS)
 
 
 STUDY = Study(
     id="waves",
     place=310,
     question="Do energy, mass and charge of wave equations stay when many degrees of freedom are integrated?",
-    answer=answer,
+    answer="On discretized Schrödinger and Klein–Gordon waves, energy-preserving methods hold the energy in {energy.n} "
+    "of {energy.of} runs, except on {missed} steps; {charge.n} of {charge.of} runs declared to keep the charge do.",
     setting=(
         "Nonlinear Schrödinger: i u_t + u_xx + 2|u|²u = 0 (plane wave, soliton), d = 64; Klein–Gordon, d = 128.",
         "Central differences in space leave a Hamiltonian system of d degrees of freedom, which is what is integrated.",
@@ -207,24 +140,28 @@ STUDY = Study(
     claims={
         "energy": Claim(
             "Methods declared to keep the energy do, to round-off",
-            TABLE, kept("energy"), EVERY, unit="runs", where=lost("energy"), fault=True,
+            TABLE, "`energy is kept` == True", EVERY, rows=f"{RAN} and `energy class` == '{ROUND_OFF}'", unit="runs",
+            where="{method}", names=4, fault=True,
         ),
         "charge": Claim(
             "Methods declared to keep invariants q·Dp keep the charge",
-            TABLE, kept("invariant"), EVERY, unit="runs", where=lost("invariant"), fault=True,
+            TABLE, "`invariant is kept` == True", EVERY,
+            rows=f"{RAN} and invariant == 'charge' and `quadratic class` == '{ROUND_OFF}'", unit="runs",
+            where="{method}", names=4, fault=True,
         ),
         "roots": Claim(
             "Every step of Schemes IV and V has a λ that keeps the energy",
-            TABLE, lambda rows: int(rows["fallbacks"].sum()), at_most(0), rows="status == 'ok'", unit="steps without",
-            where=rootless,
+            TABLE, lambda rows: int(rows["fallbacks"].sum()), at_most(0), rows=RAN, unit="steps without",
+            where=most("fallbacks", "{method} on {problem}, h = {h:g}"),
         ),
     },
+    numbers={"missed": Number(TABLE, "fallbacks", RAN, pd.Series.sum)},
     checks={
         "runs": Claim("Every run that was made came to its end", TABLE, "status == 'ok'", rows="status != 'skipped'"),
     },
-    figure=draw,
-    shown=table,
-    whole=whole,
+    figure=_draw,
+    shown=_table,
+    whole=of(TABLE)(lambda frame: frame[list(COLUMNS)].rename(columns=COLUMNS)),
     limits=(
         f"An error counts as round-off up to {UNITS} times the unit round-off of the terms of H, or of the invariant.",
         "On steps without a root the energy is missed, and restored in the steps that follow: they are left out of the "

@@ -8,7 +8,6 @@ All runs on a problem are timed in turns in one measurement, so that a busy mach
 from __future__ import annotations
 
 from math import pi
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,8 +18,9 @@ from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.conservation import energy_error
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.timing import NOWHERE, OURS, PEERS, TIED, Median, cheaper, in_turns, median, ratio
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import at_least, at_most
 from phasebench.benchmarks.problems import problem as problem_of
@@ -63,7 +63,7 @@ ROUND_OFF = 1e-11
 WANTED = (1e-6, 1e-9, 1e-12)
 ERROR, THEIR_ERROR = "energy error", "REBOUND's energy error"
 COST, LOW, HIGH = "ns a unit of time", "ns, low", "ns, high"
-OWN = "phasebench"
+OWN, AXES = "phasebench", ("ns a unit of time", "relative energy error")
 
 
 # -- measuring ---------------------------------------------------------------------------------------------------------
@@ -178,60 +178,39 @@ def vectors(rows: pd.DataFrame) -> str:
     return f"{': '.join(['WHFast512 did not run here', *reasons[:1]]).rstrip('.')}."
 
 
-def _curves(rows: pd.DataFrame) -> list[tuple[pd.Series, pd.Series, dict]]:
-    """(Time, energy error, look) of the curves of a problem's pairs: this project's, REBOUND's dotted."""
-    out = []
-    for k, (method, part) in enumerate(rows.groupby("method", sort=False)):
-        look = style.curve(k)
-        theirs = {"linestyle": ":", "marker": look["marker"], "markerfacecolor": "none", "color": look["color"]}
-        out.append((part["ns per step"] / part["h"], part[ERROR], look | {"label": method}))
-        out.append((part["REBOUND's ns per step"] / part["h"], part[THEIR_ERROR], theirs))
-    return out
+@panels.picture(EQUAL, "wisdom_holman", "energy error against time")
+def _draw_pairs(rows: pd.DataFrame) -> tuple[panels.Figure, str]:
+    def curves(axes: panels.Axes, part: pd.DataFrame) -> None:
+        for k, (method, pair) in enumerate(part.groupby("method", sort=False)):
+            look = style.curve(k)
+            theirs = {"linestyle": ":", "marker": look["marker"], "markerfacecolor": "none", "color": look["color"]}
+            axes.loglog(pair["ns per step"] / pair["h"], pair[ERROR], label=method, **look)
+            axes.loglog(pair["REBOUND's ns per step"] / pair["h"], pair[THEIR_ERROR], **theirs)
+
+    caption = (
+        "The same splittings: filled marks are this project's, open marks on dotted lines REBOUND's. Early positions "
+        f"of a pair differ by at most {number(rows['distance of early positions'].max())} of the orbit's size."
+    )
+    return panels.row(rows.groupby("problem", sort=False), curves, 3.0, *AXES, legend=3, sharey=True), caption
 
 
-def _fronts(rows: pd.DataFrame) -> list[tuple[pd.Series, pd.Series, dict]]:
-    """Of each side the runs that no other run of it beats in both error and time."""
-    out = []
-    for k, (label, side) in enumerate((("phasebench", rows["kind"] == OWN), ("REBOUND", rows["kind"] != OWN))):
-        found = rows[side].sort_values(COST)
-        best = found[found[ERROR] < found[ERROR].cummin().shift(fill_value=float("inf"))]
-        out.append((best[COST], best[ERROR], style.curve(k) | {"label": f"front of {label}"}))
-    return out
+@panels.picture(ALL, "wisdom_holman-fronts", "the fronts of both")
+def _draw_fronts(rows: pd.DataFrame) -> tuple[panels.Figure, str] | None:
+    ran = rows[(rows["status"] == OK) & rows[COST].notna()]
+    if ran.empty:
+        return None
 
+    def fronts(axes: panels.Axes, part: pd.DataFrame) -> None:
+        for k, (label, side) in enumerate((("phasebench", part["kind"] == OWN), ("REBOUND", part["kind"] != OWN))):
+            found = part[side].sort_values(COST)
+            best = found[found[ERROR] < found[ERROR].cummin().shift(fill_value=float("inf"))]
+            axes.loglog(best[COST], best[ERROR], label=f"front of {label}", **style.curve(k))
 
-@style.styled
-def _draw(data: Data, folder: Path) -> list[Picture]:
-    pairs, rows = data(EQUAL), data(ALL)
-    ran = None if rows is None else rows[(rows["status"] == OK) & rows[COST].notna()]
-    pictures = []
-    for frame, curves, file, title in (
-        (pairs, _curves, "wisdom_holman.png", "energy error against time"),
-        (ran, _fronts, "wisdom_holman-fronts.png", "the fronts of both"),
-    ):
-        if frame is None or frame.empty:
-            continue
-        problems = frame.groupby("problem", sort=False)
-        figure, (panels,) = style.panels(1, len(problems), 3.0, sharey=True)
-        for axes, (name, part) in zip(panels, problems, strict=True):
-            for x, y, look in curves(part):
-                axes.loglog(x, y, **look)
-            axes.set(title=name, xlabel="ns a unit of time")
-            axes.grid(color="0.93", linewidth=0.5)
-        panels[0].set_ylabel("relative energy error")
-        style.legend_above(figure, panels[0], 3)
-        if frame is pairs:
-            caption = (
-                "The same splittings: filled marks are this project's, open marks on dotted lines REBOUND's. Early "
-                f"positions of a pair differ by at most {number(frame['distance of early positions'].max())} of the "
-                "orbit's size."
-            )
-        else:
-            caption = (
-                "All splittings, settings and steps: of each side those that no other of it beats in both error and "
-                f"time. {vectors(rows)}"
-            )
-        pictures.append(Picture(style.save(figure, folder, file), title, caption))
-    return pictures
+    caption = (
+        "All splittings, settings and steps: of each side those that no other of it beats in both error and time. "
+        f"{vectors(rows)}"
+    )
+    return panels.row(ran.groupby("problem", sort=False), fronts, 3.0, *AXES, legend=3, sharey=True), caption
 
 
 @of(cheapest)
@@ -305,7 +284,7 @@ STUDY = Study(
                        rows="status == 'ok'"),
         "time": Claim("Every step takes a time", ALL, f"`{LOW}` > 0", rows="status == 'ok'"),
     },
-    figure=_draw,
+    figure=panels.together(_draw_pairs, _draw_fronts),
     shown=table,
     whole=of(ALL)(lambda rows: rows.reindex(columns=["problem", "method", "h", ERROR, COST, LOW, HIGH, "status"])),
     limits=(

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.drift import ABOVE, LINES, SLOWEST
 from phasebench.benchmarks.measure.drift_coverage import DRAWN, KINDS, SERIES, SURE, coverage
 from phasebench.benchmarks.measure.metrics import CONFIDENCE
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.long_runs import NOISE, completed_runs
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Data, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study, rows_of
 from phasebench.benchmarks.page.verdict import EVERY, Between, Range, at_least
 from phasebench.integrators.record import BOUNDED, DRIFT
@@ -75,31 +74,30 @@ def answer(data: Data) -> str | None:
     return f"A drift's 95 % interval {', and '.join(parts)}." if parts else None
 
 
-@of(TABLE)
-def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
+@panels.picture(
+    TABLE, "drift", "coverage of the intervals",
+    f"Coverage of the true drift over the number of periods; grey: {KIND_LEAST:.0%} to {MOST:.0%}; dotted: "
+    f"{SLOWEST} periods, below which no oscillation is fitted; crosses: the least coverage of the line through all "
+    "points.",
+)  # fmt: skip
+def draw(frame: pd.DataFrame) -> panels.Figure:
     """The coverage over the number of periods: a panel for each length of series, a curve for each kind."""
     lengths = sorted(frame["points"].unique())
-    with style.settings():
-        figure, (panels,) = style.panels(1, len(lengths), 3.3, sharey=True)
-        for axes, points in zip(panels, lengths, strict=True):
-            here = frame[frame["points"] == points]
-            axes.axhspan(KIND_LEAST, MOST, color="0.9")
-            for k, kind in enumerate(dict.fromkeys(frame["kind"])):
-                part = here[here["kind"] == kind].sort_values("periods")
-                axes.semilogx(part["periods"], part["covered"], label=kind, **style.curve(k))
-            line = here.groupby("periods")["covered by the line"].min()
-            look = {"color": style.GREY, "marker": "x", "linewidth": 0.9}
-            axes.semilogx(line.index, line, label="line through all points", **look)
-            axes.axvline(SLOWEST, color=style.GREY, linewidth=0.8, linestyle=":")
-            axes.set(title=f"{points} points", xlabel="periods in the whole time", ylim=(-0.02, 1.04))
-        panels[0].set_ylabel("share of intervals that cover")
-        style.legend_above(figure, panels[0], 3)
-    caption = (
-        f"Coverage of the true drift over the number of periods; grey: {KIND_LEAST:.0%} to {MOST:.0%}; dotted: "
-        f"{SLOWEST} periods, below which no oscillation is fitted; crosses: the least coverage of the line through all "
-        "points."
-    )
-    return [Picture(style.save(figure, folder, "drift.png"), "coverage of the intervals", caption)]
+    figure, (panels,) = style.panels(1, len(lengths), 3.3, sharey=True)
+    for axes, points in zip(panels, lengths, strict=True):
+        here = frame[frame["points"] == points]
+        axes.axhspan(KIND_LEAST, MOST, color="0.9")
+        for k, kind in enumerate(dict.fromkeys(frame["kind"])):
+            part = here[here["kind"] == kind].sort_values("periods")
+            axes.semilogx(part["periods"], part["covered"], label=kind, **style.curve(k))
+        line = here.groupby("periods")["covered by the line"].min()
+        look = {"color": style.GREY, "marker": "x", "linewidth": 0.9}
+        axes.semilogx(line.index, line, label="line through all points", **look)
+        axes.axvline(SLOWEST, color=style.GREY, linewidth=0.8, linestyle=":")
+        axes.set(title=f"{points} points", xlabel="periods in the whole time", ylim=(-0.02, 1.04))
+    panels[0].set_ylabel("share of intervals that cover")
+    style.legend_above(figure, panels[0], 3)
+    return figure
 
 
 @of(TABLE)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
@@ -12,8 +10,9 @@ from phasebench.benchmarks.judge.evidence import NO_DEFECT
 from phasebench.benchmarks.measure import declared
 from phasebench.benchmarks.measure.declared import HIGH, NEARLY, PROPERTIES, least_visible
 from phasebench.benchmarks.measure.multiprecision import DIGITS, methods
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.page.verdict import EVERY, NONE, at_most
 from phasebench.benchmarks.store.cells import UNCOMPILED
@@ -55,31 +54,30 @@ def answer(rows: pd.DataFrame) -> str:
     return f"In arithmetic of {DIGITS} digits step maps are as declared: {join_list(counts, len(counts))}."
 
 
-@of(TABLE)
-def draw(rows: pd.DataFrame, folder: Path) -> list[Picture]:
+@panels.picture(
+    TABLE, "structure", "defects of the step maps",
+    f"Defects of the step maps in {DIGITS} digits, the largest over the systems; dashed: {NO_DEFECT:g}, below "
+    f"which a defect is of the stage solver and the differences; zeros are drawn at {FLOOR:g}. Methods of high "
+    "order that lack a property may be below the line, too.",
+)  # fmt: skip
+def draw(rows: pd.DataFrame) -> panels.Figure:
     """Every defect, sorted: a panel for each property, another colour for methods that are declared to have it."""
     there = [name for name in PROPERTIES if (rows["property"] == name).any()]
-    with style.settings():
-        figure, (panels,) = style.panels(1, len(there), 3.0, sharey=True)
-        for axes, name in zip(panels, there, strict=True):
-            part = rows[rows["property"] == name]
-            first = 0
-            for k, (known, label) in enumerate(((True, "declared"), (False, "not declared"))):
-                defect = np.sort(part[part["declared"] == known]["defect"].clip(lower=FLOOR))
-                look = {"color": style.CURVES[k][0], "marker": style.CURVES[k][2], "linestyle": "none"}
-                axes.semilogy(first + np.arange(len(defect)), defect, label=label, **look)
-                first += len(defect)
-            axes.axhline(NO_DEFECT, color=style.GREY, linewidth=0.9, linestyle="--")
-            axes.set(title=name, xlabel="methods, by defect")
-            axes.grid(axis="y", color="0.93", linewidth=0.5)
-        panels[0].set_ylabel("defect of one step")
-        style.legend_above(figure, panels[0], 2)
-    caption = (
-        f"Defects of the step maps in {DIGITS} digits, the largest over the systems; dashed: {NO_DEFECT:g}, below "
-        f"which a defect is of the stage solver and the differences; zeros are drawn at {FLOOR:g}. Methods of high "
-        "order that lack a property may be below the line, too."
-    )
-    return [Picture(style.save(figure, folder, "structure.png"), "defects of the step maps", caption)]
+    figure, (panels,) = style.panels(1, len(there), 3.0, sharey=True)
+    for axes, name in zip(panels, there, strict=True):
+        part = rows[rows["property"] == name]
+        first = 0
+        for k, (known, label) in enumerate(((True, "declared"), (False, "not declared"))):
+            defect = np.sort(part[part["declared"] == known]["defect"].clip(lower=FLOOR))
+            look = {"color": style.CURVES[k][0], "marker": style.CURVES[k][2], "linestyle": "none"}
+            axes.semilogy(first + np.arange(len(defect)), defect, label=label, **look)
+            first += len(defect)
+        axes.axhline(NO_DEFECT, color=style.GREY, linewidth=0.9, linestyle="--")
+        axes.set(title=name, xlabel="methods, by defect")
+        axes.grid(axis="y", color="0.93", linewidth=0.5)
+    panels[0].set_ylabel("defect of one step")
+    style.legend_above(figure, panels[0], 2)
+    return figure
 
 
 @of(TABLE)

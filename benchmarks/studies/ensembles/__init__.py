@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.ladder.choice import SPAN
 from phasebench.benchmarks.measure import timing
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import Data, Picture, of
+from phasebench.benchmarks.page.page import of
+from phasebench.benchmarks.page.shared import worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Shown, Study, over
 from phasebench.benchmarks.page.verdict import EVERY, NONE, Between, at_least, at_most
 from phasebench.benchmarks.store.arrays import unpack
@@ -23,12 +23,6 @@ from . import against, lanes, maps
 #: The wanted speed-up: the smaller of this share of the number of cores and this share of a bare loop's speed-up.
 WANTED, OF_BARE = 0.9, 0.95
 WIDE, ORBITS_OF = "`in lanes` and status == 'ok'", f"method != '{lanes.BARE}'"
-
-
-def slowest(rows: pd.DataFrame) -> str:
-    """The ensemble with the least certain gain, and its gain."""
-    row = rows.loc[rows["gain, low"].idxmin()]
-    return f"{row['method']}, {row['problem']}: {number(row['gain'])} times as fast"
 
 
 def reached(rows: pd.DataFrame) -> pd.DataFrame:
@@ -67,53 +61,39 @@ def nearly(rows: pd.DataFrame) -> Between:
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-@of(maps.TABLE)
-def draw_maps(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The Poincare section of Henon-Heiles, and how chaotic each start of the grid is."""
+@panels.picture(maps.TABLE, "ensembles", "maps of Henon-Heiles")
+def _draw_maps(frame: pd.DataFrame) -> tuple[panels.Figure, str]:
     section, grid = (frame[frame["map"] == name].sort_values("line") for name in (maps.SECTION, maps.GRID))
-    with style.settings():
-        figure, ((left, right),) = style.panels(1, 2, 3.4, sharey=True)
-        for k, row in enumerate(section.itertuples()):
-            colour = style.CURVES[k % len(style.CURVES)][0]
-            left.plot(unpack(row.x), unpack(row.y), ".", color=colour, markersize=1.2, markeredgewidth=0)
-        (x0, y0), (x1, y1) = maps.CORNERS
-        if len(grid):
-            values = np.array([unpack(row.y) for row in grid.itertuples()])
-            image = right.imshow(values, origin="lower", extent=(x0, x1, y0, y1), aspect="auto", cmap="cividis")
-            figure.colorbar(image, ax=right, label="ln of the growth of a distance")
-        left.set(xlim=(x0, x1), ylim=(y0, y1), xlabel="q2", ylabel="p2", title="section q1 = 0, p1 > 0")
-        right.set(xlabel="q2", title="chaos of the starts")
+    figure, ((left, right),) = style.panels(1, 2, 3.4, sharey=True)
+    for k, row in enumerate(section.itertuples()):
+        colour = style.CURVES[k % len(style.CURVES)][0]
+        left.plot(unpack(row.x), unpack(row.y), ".", color=colour, markersize=1.2, markeredgewidth=0)
+    (x0, y0), (x1, y1) = maps.CORNERS
+    if len(grid):
+        values = np.array([unpack(row.y) for row in grid.itertuples()])
+        image = right.imshow(values, origin="lower", extent=(x0, x1, y0, y1), aspect="auto", cmap="cividis")
+        figure.colorbar(image, ax=right, label="ln of the growth of a distance")
+    left.set(xlim=(x0, x1), ylim=(y0, y1), xlabel="q2", ylabel="p2", title="section q1 = 0, p1 > 0")
+    right.set(xlabel="q2", title="chaos of the starts")
     seconds = [number(part["seconds"].iloc[0]) for part in (section, grid) if len(part)]
-    caption = (
+    return figure, (
         f"Left: {len(section)} orbits of energy 1/8, {int(section['crossings'].sum()):,} crossings. Right: a grid of "
         f"{maps.SIDE} x {maps.SIDE} starts, each beside a neighbour at {maps.APART:g}, at t = {maps.T_GRID:g}: blue is "
         f"regular, yellow chaotic. Integrated in {' and '.join(seconds)} s."
     )
-    return [Picture(style.save(figure, folder, "ensembles.png"), "maps of Henon-Heiles", caption)]
 
 
-@of(against.TABLE)
-def draw_costs(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The error of the worst orbit over the cost of an orbit: a panel for each problem."""
-    problems, names = (list(frame[column].unique()) for column in ("problem", "integrator"))
-    with style.settings():
-        figure, (panels,) = style.panels(1, len(problems), 3.0, sharey=False)
-        for axes, problem in zip(panels, problems, strict=True):
-            for look, name in zip(style.looks(), names, strict=False):
-                part = frame[(frame["problem"] == problem) & (frame["integrator"] == name) & (frame["error"] > 0)]
-                axes.loglog(part["us"], part["error"], label=name, **look)
-            axes.set(title=problem, xlabel="µs an orbit")
-            axes.set_ylim(1e-15, 10)
-            axes.grid(color="0.93", linewidth=0.5)
-        panels[0].set_ylabel("error of the worst orbit")
-        style.legend_above(figure, panels[0], 4)
-    caption = f"The worst orbit's error at t = {against.T_END:g} over the time of an orbit, on one core."
-    return [Picture(style.save(figure, folder, "ensembles-costs.png"), "cost against error", caption)]
-
-
-def draw(data: Data, folder: Path) -> list[Picture]:
-    """The maps, and errors over costs."""
-    return [*(draw_maps(data, folder) or ()), *(draw_costs(data, folder) or ())]
+@panels.picture(
+    against.TABLE, "ensembles-costs", "cost against error",
+    f"The worst orbit's error at t = {against.T_END:g} over the time of an orbit, on one core.",
+)  # fmt: skip
+def _draw_costs(frame: pd.DataFrame) -> panels.Figure:
+    names, reached = frame["integrator"].unique(), frame[frame["error"] > 0].groupby("problem", sort=False)
+    of_each = panels.curves("integrator", "us", "error", names, sort=False, most=9)
+    figure = panels.row(reached, of_each, 3.0, "µs an orbit", "error of the worst orbit", legend=4)
+    for axes in figure.axes:
+        axes.set_ylim(1e-15, 10)
+    return figure
 
 
 STUDY = Study(
@@ -142,7 +122,8 @@ STUDY = Study(
     claims={
         "gain": Claim(
             "On one core lanes are faster than the scalar kernel",
-            lanes.TABLE, "`gain, low` > 1", EVERY, rows=WIDE, unit="ensembles", where=slowest,
+            lanes.TABLE, "`gain, low` > 1", EVERY, rows=WIDE, unit="ensembles",
+            where=worst("-`gain, low`", "{method}, {problem}: {gain:.3g} times as fast"),
         ),
         "heyoka": Claim(
             "At equal error no orbit is dearer than in heyoka's batches",
@@ -166,7 +147,7 @@ STUDY = Study(
         "energy": Claim("States on the section have the energy of the start", maps.TABLE, "`energy error`",
                         at_most(1e-5), rows=f"map == '{maps.SECTION}'"),
     },
-    figure=draw,
+    figure=panels.together(_draw_maps, _draw_costs),
     shown=Shown(
         lanes.TABLE,
         ("problem", "method", "in lanes", "ns scalar", "ns ensemble", "gain", "gain, low", "gain, high",

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study
@@ -27,8 +28,6 @@ from phasebench.integrators.registry import BY_ID, METHODS
 from phasebench.integrators.systems.transformed import TransformedHamiltonian
 from phasebench.reference.certificates import stored
 from phasebench.reference.peers import BY_ID as PEERS
-
-from . import panels
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -200,19 +199,18 @@ def _answer(rows: pd.DataFrame) -> str:
 
 
 @panels.picture(
-    TABLE, "meetings", "other close encounters",
+    TABLE, "extremes-meetings", "other close encounters",
     "The error over the number of steps, with ever smaller steps until it is below the grey line; at the top: the "
     "orbit is lost. At most nine integrators a panel.",
 )  # fmt: skip
 def draw(rows: pd.DataFrame) -> panels.Figure:
     """The error at the end over the number of steps, a panel for each scene."""
-    scenes = dict([*rows.groupby("scene", sort=False)])
-    text = "method", "steps", "error", "steps", "error at the end"
-    return panels.row(scenes, *text, 3.8, by="min", span=(1e-14, 10), level=HELD)
+    of_method = panels.curves("method", "steps", "error", order="min", most=9, span=(1e-14, 10), level=HELD)
+    return panels.row(rows.groupby("scene", sort=False), of_method, 3.8, "steps", "error at the end", grid=False)
 
 
 @panels.picture(
-    KEPLER, "encounters", "close encounters",
+    KEPLER, "extremes-encounters", "close encounters",
     f"Kepler, {ORBITS} orbits: the first error below {HELD:g}, else the least, on a ladder of steps or tolerances; "
     "what is lost altogether stands at the top. At most nine integrators a panel.",
 )  # fmt: skip
@@ -220,9 +218,9 @@ def draw_kepler(rows: pd.DataFrame) -> panels.Figure:
     """Each integrator's error on Kepler orbits over 1 - e, e the eccentricity."""
     rows = rows.assign(near=1 - rows["e"])
     fixed = rows["kind"] == FIXED_STEPS
-    text = "method", "near", "error", "1 − e", "relative error"
-    parts = {"fixed steps": rows[fixed], "adaptive or transformed": rows[~fixed]}
-    figure = panels.row(parts, *text, 4.0, by="max", span=(1e-16, 10), level=HELD, sharey=True)
+    parts = ("fixed steps", rows[fixed]), ("adaptive or transformed", rows[~fixed])
+    of_method = panels.curves("method", "near", "error", order="max", most=9, span=(1e-16, 10), level=HELD)
+    figure = panels.row(parts, of_method, 4.0, "1 − e", "relative error", grid=False, sharey=True)
     for axes in figure.axes:
         axes.invert_xaxis()
     return figure

@@ -22,6 +22,7 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.linear_stability import radius
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study
@@ -29,8 +30,6 @@ from phasebench.benchmarks.page.verdict import Count, at_most
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.registry import BY_ID, METHODS
-
-from . import panels
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.measure.integrator import Integrator
@@ -211,7 +210,7 @@ def pieces(text: str | float) -> list[tuple[float, float]]:
 
 
 @panels.picture(
-    LINEAR, "intervals", "stable steps",
+    LINEAR, "extremes-intervals", "stable steps",
     "Stable steps on the harmonic oscillator of the methods with the most gaps between stable intervals; blue: "
     "symplectic, orange: not. The first gap of some is narrower than a line.",
 )  # fmt: skip

@@ -30,6 +30,7 @@ import sympy as sp
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import linear_stability
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.study import Runs, over
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
@@ -40,8 +41,6 @@ from phasebench.integrators.driver import OK, integrate
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import BY_ID
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-
-from . import panels
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -180,19 +179,19 @@ def _tableau(id: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 @panels.picture(
-    STIFFNESS, "stiffness", "stiffness",
+    STIFFNESS, "extremes-stiffness", "stiffness",
     f"FPU: the largest change of the oscillatory energy in {STEPS} steps; grey: {CLIFF:g}, the cliff.",
 )  # fmt: skip
 def draw_stiffness(rows: pd.DataFrame) -> panels.Figure:
     """The largest change of the oscillatory energy of the Fermi-Pasta-Ulam problem over h omega."""
     omegas = sorted(rows["omega"].unique())
-    parts = {f"ω = {w:g}": rows[rows["omega"] == w] for w in omegas[1::2] or omegas}
-    text = "method", "h omega", "I changes", "h ω", "largest change of I / I₀"
-    return panels.row(parts, *text, 3.4, span=(1e-12, 1e2), level=CLIFF, legend=4, sharey=True)
+    parts = [(f"ω = {w:g}", rows[rows["omega"] == w]) for w in omegas[1::2] or omegas]
+    of_method = panels.curves("method", "h omega", "I changes", most=9, span=(1e-12, 1e2), level=CLIFF)
+    return panels.row(parts, of_method, 3.4, "h ω", "largest change of I / I₀", legend=4, grid=False, sharey=True)
 
 
 @panels.picture(
-    SOLVERS, "solvers", "solvers at the edge",
+    SOLVERS, "extremes-solvers", "solvers at the edge",
     f"How {SHORT} steps go: the pendulum over (h, λ), Kepler over (h, e).",
 )  # fmt: skip
 def draw_solvers(rows: pd.DataFrame) -> panels.Figure:
@@ -215,7 +214,7 @@ def draw_solvers(rows: pd.DataFrame) -> panels.Figure:
 
 
 @panels.picture(
-    RESONANCES, "resonances", "two frequencies",
+    RESONANCES, "extremes-resonances", "two frequencies",
     "Two coupled oscillators: black where a step multiplies, white where it is stable; Stormer-Verlet ends at "
     "h ω = 2, a split coupling resonates about h (ω₁ + ω₂) = 2πk, filters take the resonances away.",
 )  # fmt: skip
@@ -236,7 +235,7 @@ def draw_resonances(rows: pd.DataFrame) -> panels.Figure:
 
 
 @panels.picture(
-    REGIONS, "regions", "stability regions",
+    REGIONS, "extremes-regions", "stability regions",
     "Boundaries |R(z)| = 1 of Runge-Kutta methods: stable within the curve of an explicit method, outside "
     "that of a Radau method, left of the axis for Gauss; the upper half plane.",
 )  # fmt: skip

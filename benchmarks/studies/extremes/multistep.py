@@ -22,6 +22,7 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.drift import drift
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
@@ -32,8 +33,6 @@ from phasebench.integrators.coefficients.multistep import QUINLAN_TREMAINE, Mult
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import DRIFT, Method
 from phasebench.integrators.registry import BY_ID
-
-from . import panels
 
 if TYPE_CHECKING:
     from phasebench.integrators.solution import Solution
@@ -247,12 +246,13 @@ def _table(rows: pd.DataFrame) -> Table:
 
 
 @panels.picture(
-    judged, "multistep", "unstable steps on Kepler's orbit",
+    judged, "extremes-multistep", "unstable steps on Kepler's orbit",
     f"Kepler, {ORBITS} orbits: the factor by which the largest energy error exceeds that at first; below, where "
     "the linear theory about the orbit is unstable.",
 )  # fmt: skip
 def _draw(rows: pd.DataFrame) -> panels.Figure:
-    figure, by_method = panels.grid(rows["method"].unique(), "steps an orbit", "growth of the energy error")
+    methods = rows["method"].unique()
+    figure, by_method = panels.grid(methods, 2, 4.9, "steps an orbit", "growth of the energy error")
     for id, axes in by_method.items():
         for e, colour in zip(ECCENTRICITIES, (style.ORANGE, style.BLUE), strict=True):
             own = rows[(rows["method"] == id) & (rows["e"] == e)]

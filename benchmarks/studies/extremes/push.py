@@ -20,13 +20,12 @@ import numpy as np
 import pandas as pd
 import sympy as sp
 
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.study import Runs, over
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.driver import OK, integrate
 from phasebench.integrators.registry import BY_ID
-
-from . import panels
 
 TABLE, SWEPT = "extremes_steps", "extremes_lambda"
 #: The methods that are pushed, one of each kind, cheap ones first.
@@ -201,13 +200,14 @@ def swept(method: str, orbit: str) -> list[dict]:
 
 
 @panels.picture(
-    SWEPT, "lambda", "largest steps over lambda",
+    SWEPT, "extremes-lambda", "largest steps over lambda",
     "The largest step of Schemes I to III that survives, over λ from −1000 to 1000.",
 )  # fmt: skip
 def draw(rows: pd.DataFrame) -> panels.Figure:
     """The largest surviving step of Schemes I to III over their parameter lambda, a panel for each orbit."""
-    parts = dict([*rows.replace({"largest h": {0: np.nan, np.inf: np.nan}}).groupby("orbit", sort=False)])
-    figure = panels.row(parts, "method", "lam", "largest h", "λ", "largest h", 2.8, legend=3, sharey=True)
+    parts = rows.replace({"largest h": {0: np.nan, np.inf: np.nan}}).groupby("orbit", sort=False)
+    of_method = panels.curves("method", "lam", "largest h", most=9)
+    figure = panels.row(parts, of_method, 2.8, "λ", "largest h", legend=3, grid=False, sharey=True)
     for axes in figure.axes:
         axes.set_xscale("symlog", linthresh=1)
     return figure

@@ -26,6 +26,7 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import exact_maps
 from phasebench.benchmarks.measure.exact_maps import DIGITS, exact_matrix
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS as SHOWN
 from phasebench.benchmarks.page.page import Table, of
@@ -37,8 +38,6 @@ from phasebench.integrators import batches
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import BY_ID, METHODS
-
-from . import panels
 
 CHOSEN, CURVES, EVERY = "extremes_growth", "extremes_growth_curves", "extremes_growth_every"
 OSCILLATOR, KEPLER, ON_KEPLER = "harmonic-oscillator", "wisdom-holman on Kepler", "wisdom-holman"
@@ -371,7 +370,7 @@ def _drift(rows: pd.DataFrame) -> str:
 
 
 @panels.picture(
-    CURVES, "growth", "growth of round-off",
+    CURVES, "extremes-growth", "growth of round-off",
     f"Round-off of {STARTS} starts, on the oscillator where nothing else is said: Brouwer's law and what is measured. "
     "Only where the frequency depends on the energy does the phase's grow as n^1.5; next to fractions of small "
     "denominators it drifts.",
@@ -382,8 +381,9 @@ def draw(rows: pd.DataFrame) -> panels.Figure:
     names = [f"{label}, h = {named_step(h, 3)}" for label, h, _ in keys]
     rows = rows.assign(run=names, curve=[RUNS.get(key, {}).get("curve") for key in keys])
     rows, laws = rows.dropna(subset="curve").sort_values("curve"), {"energy": ENERGY, "phase": PHASE}
-    of_each = {f"{name}: dotted, ε h n^{law:g}": rows.assign(rms=rows[name]) for name, law in laws.items()}
-    figure = panels.row(of_each, "run", "n", "rms", "steps", "rms error over the starts", 3.8, legend=2)
+    of_each = [(f"{name}: dotted, ε h n^{law:g}", rows.assign(rms=rows[name])) for name, law in laws.items()]
+    of_run = panels.curves("run", "n", "rms", most=9)
+    figure = panels.row(of_each, of_run, 3.8, "steps", "rms error over the starts", legend=2, grid=False)
     n = np.array([rows["n"].min(), rows["n"].max()], float)
     for axes, law in zip(figure.axes, laws.values(), strict=True):
         axes.loglog(n, EPS * STEP * n**law, color=style.GREY, linestyle=":")

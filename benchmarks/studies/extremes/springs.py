@@ -23,6 +23,7 @@ import sympy as sp
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Table, of
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
@@ -35,8 +36,6 @@ from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import BY_ID
 from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-
-from . import panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -242,13 +241,13 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 @panels.picture(
-    TABLE, "springs", "two stiff springs",
+    TABLE, "extremes-springs", "two stiff springs",
     "FPU with two stiff springs: the drift of the energy that a step keeps between resonances, the darker the "
     "larger (each method on a scale of its own); below the diagonal the resonance lines of theory, red of order "
     f"{DRAWN}, blue of lower order.",
 )  # fmt: skip
 def _draw(table: pd.DataFrame) -> panels.Figure:
-    figure, by_method = panels.grid(table["method"].unique(), "h ω₁", "h ω₂")
+    figure, by_method = panels.grid(table["method"].unique(), 3, 4.9, "h ω₁", "h ω₂")
     for id, axes in by_method.items():
         rows = table[table["method"] == id]
         last = rows.drop_duplicates("node 2").sort_values("node 2")

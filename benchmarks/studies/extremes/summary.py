@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.page.verdict import at_least, at_most
 from phasebench.benchmarks.store.cells import ProblemKey
@@ -51,10 +51,6 @@ def _first_to_fail(rows: pd.DataFrame) -> str:
     kinds = {r.method: kind(r.method, r.kind) for r in rows.drop_duplicates("method").itertuples()}
     best = reach(rows).groupby(kinds, sort=False).max()
     return f"{best.idxmin()} steps: to e = {best.min():.10g}, error {encounters.HELD:g}"
-
-
-def _draw(data: Data, folder: Path) -> list[Picture]:
-    return [picture for figure in FIGURES for picture in figure(data, folder) or ()]
 
 
 def _text(values: pd.Series, endless: str, digits: int) -> str:
@@ -130,7 +126,7 @@ STUDY = Study(
             rows=f"kind == '{encounters.ADAPTIVE}' and e <= {HARD}",
         ),
     },
-    figure=_draw,
+    figure=panels.together(*FIGURES),
     shown=_table,
     whole=of(limits.LINEAR)(lambda linear: linear.drop(columns="method")),
     tables=(

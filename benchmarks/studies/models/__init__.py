@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
 from phasebench.benchmarks.page.verdict import EVERY, at_least, at_most
 from phasebench.benchmarks.problems.models import ladders
@@ -32,15 +31,8 @@ def nearer(models: pd.DataFrame, runs: pd.DataFrame) -> pd.Series:
     return choice.column("nearer")(models, runs).astype(bool)
 
 
-def further(models: pd.DataFrame, runs: pd.DataFrame) -> str:
-    """The models that are not."""
-    found = nearer(models, runs)
-    return join_list(list(found.index[~found]), 3) if not found.all() else ""
-
-
 @of(MODELS, RUNS)
-def answer(models: pd.DataFrame, runs: pd.DataFrame) -> str:
-    """In how many scenes a simpler model is the fastest, and the largest gain."""
+def _answer(models: pd.DataFrame, runs: pd.DataFrame) -> str:
     chosen = choice.table(models, runs)
     lower = chosen[~chosen["full"].astype(bool) & (chosen["model"] != "none")]
     wide, fine = (lower[lower["accuracy"] == a]["scene"].nunique() for a in ASKED)
@@ -58,36 +50,33 @@ def envelope(runs: pd.DataFrame, modelling: float) -> tuple[np.ndarray, np.ndarr
     return ordered["seconds"].to_numpy(float)[keep], (errors + modelling)[keep]
 
 
-@of(MODELS, RUNS)
-def draw(models: pd.DataFrame, runs: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The error against the full model over seconds: a panel for each scene, a curve for each model."""
+@panels.picture(
+    (MODELS, RUNS), "models", "models of each scene",
+    "Sum of modelling and integration error over the time of a run, for the fastest runs of each model, numbered "
+    "as in the table; a panel's last one is the full model. Where a curve is level, a more accurate integration "
+    "gains nothing.",
+)  # fmt: skip
+def _draw(models: pd.DataFrame, runs: pd.DataFrame) -> panels.Figure:
     scenes = list(choice.scenes(models, runs))
     rows = -(-len(scenes) // COLUMNS)
-    with style.settings():
-        figure, panels = style.panels(rows, COLUMNS, 2.1 * rows)
-        for axes, (scene, mine, part) in zip(panels.flat, scenes, strict=False):
-            for look, (m, own) in zip(style.looks(), choice.of_scene(mine, part), strict=False):
-                axes.loglog(*envelope(own, m["modelling error"]), label=f"model {m['rung'] + 1}", **look)
-            axes.set(title=scene)
-            axes.grid(color="0.93", linewidth=0.5)
-        for axes in panels.flat[len(scenes) :]:
-            axes.set_axis_off()
-        for axes in panels[:, 0]:
-            axes.set_ylabel("error")
-        for axes in panels[-1]:
-            axes.set_xlabel("seconds")
-        style.legend_above(figure, max(panels.flat, key=lambda axes: len(axes.get_lines())), 6)
-    caption = (
-        "Sum of modelling and integration error over the time of a run, for the fastest runs of each model, numbered "
-        "as in the table; a panel's last one is the full model. Where a curve is level, a more accurate integration "
-        "gains nothing."
-    )
-    return [Picture(style.save(figure, folder, "models.png"), "models of each scene", caption)]
+    figure, panels = style.panels(rows, COLUMNS, 2.1 * rows)
+    for axes, (scene, mine, part) in zip(panels.flat, scenes, strict=False):
+        for look, (m, own) in zip(style.looks(), choice.of_scene(mine, part), strict=False):
+            axes.loglog(*envelope(own, m["modelling error"]), label=f"model {m['rung'] + 1}", **look)
+        axes.set(title=scene)
+        axes.grid(color="0.93", linewidth=0.5)
+    for axes in panels.flat[len(scenes) :]:
+        axes.set_axis_off()
+    for axes in panels[:, 0]:
+        axes.set_ylabel("error")
+    for axes in panels[-1]:
+        axes.set_xlabel("seconds")
+    style.legend_above(figure, max(panels.flat, key=lambda axes: len(axes.get_lines())), 6)
+    return figure
 
 
 @of(MODELS, RUNS)
-def table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
-    """The fastest model that suffices at each accuracy: a row for each scene."""
+def _table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
     chosen = choice.table(models, runs)
     out = []
     for scene, mine in chosen.groupby("scene", sort=False):
@@ -106,12 +95,6 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
     return Table(pd.DataFrame(out).head(ROWS), caption)
 
 
-@of(MODELS, RUNS)
-def whole(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each simplified model."""
-    return choice.rungs(models, runs)
-
-
 def _spans(*ids: str) -> str:
     return "; ".join(f"{id}: {BY_ID[id].quantity} at t = {BY_ID[id].t_end:g}" for id in ids)
 
@@ -120,7 +103,7 @@ STUDY = Study(
     id="models",
     place=50,
     question="Which model of a scene suffices, at which accuracy?",
-    answer=answer,
+    answer=_answer,
     setting=(
         "Each scene has several models, from the simplest to the full one. A model's solution is mapped to the full "
         "problem's state; its error is that of one quantity of the scene.",
@@ -139,7 +122,7 @@ STUDY = Study(
     claims={
         "nearer": Claim(
             "Each model is nearer to the full one than the simpler model before it",
-            MODELS, nearer, EVERY, beside=(RUNS,), unit="models", where=further,
+            MODELS, nearer, EVERY, beside=(RUNS,), unit="models", names=3,
         ),
         "savings": Claim(
             "At its own accuracy a simpler model is no slower than the full one",
@@ -152,9 +135,9 @@ STUDY = Study(
         ),
     },
     checks={"full": Claim("Full models end at what is true", MODELS, "integration", at_most(1e-9), rows="full")},
-    figure=draw,
-    shown=table,
-    whole=whole,
+    figure=_draw,
+    shown=_table,
+    whole=of(MODELS, RUNS)(choice.rungs),
     limits=(
         "A modelling error is of one orbit, one time span and one quantity; it grows with time as the orbits separate.",
         "The full model is this suite's problem: a lattice, not the wave equation; six bodies, not the solar system.",

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.ladder.competitors import FIRST
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of, once
+from phasebench.benchmarks.page.page import ROWS, Data, Table, of, once
 from phasebench.benchmarks.page.study import Claim, Study
 from phasebench.benchmarks.problems.questions import BY_ID as QUESTIONS
 from phasebench.integrators.families import parametric
@@ -100,10 +100,11 @@ def _answer(found: pd.DataFrame) -> str:
     return f"{text}, on the outer planets from {number(ever[PLANETS], 1)}." if PLANETS in ever else f"{text}."
 
 
-@of(ratios)
-@style.styled
-def _draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The ratio of Gauss' time to the best explicit method's over the error: each scene, and their median."""
+@panels.picture(
+    ratios, "gauss-16", "Gauss of order 16 beside explicit methods",
+    "Below the dotted line Gauss of order 16 is the faster; a grey line is a scene.",
+)  # fmt: skip
+def _draw(found: pd.DataFrame) -> panels.Figure:
     figure, ((axes,),) = style.panels(1, 1, 3.4)
     planets = found["scene"] == PLANETS
     for _, part in found[~planets].groupby("scene", sort=False):
@@ -116,8 +117,7 @@ def _draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
     axes.set(xlabel="error up to", ylabel="time of Gauss over the best explicit")
     axes.invert_xaxis()
     axes.legend(loc="lower left")
-    caption = "Below the dotted line Gauss of order 16 is the faster; a grey line is a scene."
-    return [Picture(style.save(figure, folder, "gauss-16.png"), "Gauss of order 16 beside explicit methods", caption)]
+    return figure
 
 
 @of(ratios, largest, smallest)

@@ -13,16 +13,15 @@ Not all peers count their evaluations.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.integrator import OURS as PROJECT
 from phasebench.benchmarks.measure.timing import OURS, PEERS
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.study import Claim, Study
 from phasebench.benchmarks.page.verdict import EVERY, at_least
 from phasebench.benchmarks.problems.questions import QUESTIONS
@@ -129,12 +128,12 @@ def _answer(found: pd.DataFrame) -> str:
     return f"{text}; in {len(certain)} beyond the times' scatter: {join_list(certain['scene'].unique(), 2)}."
 
 
-@style.styled
-def _draw(data: Data, folder: Path) -> list[Picture] | None:
-    """The share of the scenes in which this project is no slower, and the cases in which it is, by the two factors."""
-    found, slow = cases(data), above(data)
-    if found is None or slow is None:
-        return None
+@panels.picture(
+    (cases, above), "trade-ratios", "ours over the best peer",
+    "Left: the share of the scenes in which ours takes no longer than the best peer (dotted: wanted). Right: "
+    "the cases in which it takes longer, by the two factors of the ratio; on the line both take as long.",
+)  # fmt: skip
+def _draw(found: pd.DataFrame, slow: pd.DataFrame) -> panels.Figure:
     figure, ((left, right),) = style.panels(1, 2, 3.4)
     by = found.groupby("accuracy")
     for k, (label, column) in enumerate((("by its median", "ratio"), ("by its whole interval", "ratio high"))):
@@ -154,11 +153,7 @@ def _draw(data: Data, folder: Path) -> list[Picture] | None:
     right.set(xlabel="steps, ours over the peer's", ylabel="time of a step, ours over the peer's")
     if right.get_legend_handles_labels()[0]:
         right.legend(loc="best")
-    caption = (
-        "Left: the share of the scenes in which ours takes no longer than the best peer (dotted: wanted). Right: "
-        "the cases in which it takes longer, by the two factors of the ratio; on the line both take as long."
-    )
-    return [Picture(style.save(figure, folder, "trade-ratios.png"), "ours over the best peer", caption)]
+    return figure
 
 
 def _side(row: dict, side: str) -> str:
