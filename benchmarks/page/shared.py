@@ -9,6 +9,8 @@ import pandas as pd
 
 from phasebench.integrators.driver import OK
 
+from .verdict import Count
+
 
 def case(row: pd.Series) -> str:
     """Return the text "method on problem" from a row with these two columns, to be used as a verdict's ``where``."""
@@ -34,3 +36,8 @@ def worst(by: str, text: str) -> Callable[[pd.DataFrame], str]:
 def most(by: str, text: str) -> Callable[[pd.DataFrame], str]:
     """As `worst`; "" if the expression is nowhere above 0."""
     return lambda rows: worst(by, text)(rows) if (rows.eval(by) > 0).any() else ""
+
+
+def total(part: str, whole: str) -> Callable[[pd.DataFrame], Count]:
+    """A count summed over the rows: the expression ``part`` of the column ``whole``."""
+    return lambda rows: Count(int(rows.eval(part).sum()), int(rows[whole].sum()))

@@ -15,7 +15,7 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import root_scan
 from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.page import Table, of
-from phasebench.benchmarks.page.shared import most
+from phasebench.benchmarks.page.shared import most, total
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.page.verdict import NONE, Count, at_most
 from phasebench.benchmarks.problems import problem as problem_of
@@ -37,6 +37,7 @@ LADDER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 ROUND_OFF = 1e-13
 WITH, WITHOUT = "energy error, steps with a root", "energy error, steps without"
 PLACE = "{scheme} on {problem}, h = {h:g}"
+ROOTED = total("steps - `without a root`", "steps")
 
 
 def measure(problem: str, scheme: str, h: float) -> dict:
@@ -76,32 +77,15 @@ def measure(problem: str, scheme: str, h: float) -> dict:
     }
 
 
-# -- judging -----------------------------------------------------------------------------------------------------------
-
-
 def ran(schemes: tuple[str, ...]) -> str:
     """The query of the completed runs of some schemes."""
     return f"scheme in {schemes} and status == 'ok'"
-
-
-def rooted(rows: pd.DataFrame) -> Count:
-    """The steps that have a root."""
-    steps = int(rows["steps"].sum())
-    return Count(steps - int(rows["without a root"].sum()), steps)
-
-
-def both(rows: pd.DataFrame) -> Count | None:
-    """The steps of the combined schemes that have a root; None if the first was not run."""
-    return rooted(rows) if (rows["scheme"] == ALTERNATING[0]).any() else None
 
 
 def missed(rows: pd.DataFrame) -> Count | None:
     """The steps in which the scan finds a root that the finder did not, of those that were scanned."""
     scanned = int(rows["scanned steps"].sum()) if "scanned steps" in rows else 0
     return Count(int(rows["scan finds a root within the radius"].sum()), scanned) if scanned else None
-
-
-# -- what is shown -----------------------------------------------------------------------------------------------------
 
 
 @panels.picture(
@@ -174,7 +158,7 @@ STUDY = Study(
         ),
         "roots": Claim(
             "Every step of Schemes IV and V has a root",
-            TABLE, rooted, rows=ran(PLAIN), unit="steps",
+            TABLE, ROOTED, rows=ran(PLAIN), unit="steps",
             where=most("`without a root`", f"{PLACE}: {{without a root}} steps without"),
         ),
         "search": Claim(
@@ -183,7 +167,7 @@ STUDY = Study(
         ),
         "alternating": Claim(
             "Every step has a root of Scheme IV or of Scheme V",
-            TABLE, both, rows=ran(ALTERNATING), unit="steps", where=most("`without a root`", PLACE),
+            TABLE, ROOTED, rows=ran(ALTERNATING), unit="steps", where=most("`without a root`", PLACE),
         ),
     },
     numbers={

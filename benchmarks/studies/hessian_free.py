@@ -115,8 +115,7 @@ def ratios(rows: pd.DataFrame) -> pd.Series:
     f"Mean change of the energy of {ORBITS} chaotic orbits over a run, in units of the spread with the Hessian, with "
     "95 % intervals; the axis is linear between −1 and 1.",
 )  # fmt: skip
-def draw(frame: pd.DataFrame) -> panels.Figure:
-    """The mean change by each Hessian-free method and its partner, with intervals, in units of the partner's spread."""
+def _draw(frame: pd.DataFrame) -> panels.Figure:
     rows, by = frame.query(FREE), frame.set_index("method")
     rows = rows[rows[PARTNER].isin(frame["method"])]
     unit = rows[PARTNER].map(by["spread"]).to_numpy()
@@ -184,7 +183,7 @@ STUDY = Study(
         "whole": Claim("Every chaotic orbit is integrated to its end", CHAOTIC, "failed == 0"),
         "ended": Claim("Every regular orbit is integrated to its end", REGULAR, "status == 'ok'"),
     },
-    figure=draw,
+    figure=_draw,
     shown=Shown(
         CHAOTIC,
         ("method", PARTNER, "drift", "low", "high", "spread", "oscillation"),

@@ -112,9 +112,6 @@ def _needs(equation: str, id: str, falls: str, N: int, h: float) -> tuple:
     return (ProblemKey(equation), *numbers)
 
 
-# -- judging -----------------------------------------------------------------------------------------------------------
-
-
 def _is_round_off(rows: pd.DataFrame, law: str) -> pd.Series:
     return rows[law] <= UNITS * rows[f"{law}, round-off"]
 
@@ -148,9 +145,6 @@ def cases(frame: pd.DataFrame) -> pd.DataFrame:
 def energy_kept(rows: pd.DataFrame) -> pd.Series:
     """True for schemes that keep the energy of every cell, or in total, as they are built to."""
     return rows["cell energy kept"].where(rows["keeps"] == "cell", rows["total energy error"] <= KEPT).astype(bool)
-
-
-# -- what is shown -----------------------------------------------------------------------------------------------------
 
 
 @panels.picture(

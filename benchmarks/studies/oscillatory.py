@@ -78,9 +78,6 @@ def measure(method: str) -> list[dict]:
     return errors(METHODS[method], RATIOS)
 
 
-# -- judging -----------------------------------------------------------------------------------------------------------
-
-
 def lost(frame: pd.DataFrame) -> pd.Series:
     """True for a run that failed or has an energy error of `LOST` or more."""
     return (frame["status"] != OK) | ~(frame[ENERGY] < LOST)
@@ -134,9 +131,6 @@ def _answer(frame: pd.DataFrame, found: pd.DataFrame) -> str:
     if others.empty:
         return f"{text}."
     return f"{text}; {len(others)} of {len(found)} lose it, from hω = {number(others['first lost at hω/π'].min())}π."
-
-
-# -- what is shown -----------------------------------------------------------------------------------------------------
 
 
 @panels.picture(

@@ -30,9 +30,9 @@ from phasebench.benchmarks.measure.metrics import refinement_difference
 from phasebench.benchmarks.measure.root_scan import along, summary
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
-from phasebench.benchmarks.page.shared import worst
+from phasebench.benchmarks.page.shared import total, worst
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
-from phasebench.benchmarks.page.verdict import NONE, Between, Count
+from phasebench.benchmarks.page.verdict import NONE, Between
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.store.cells import ProblemKey
@@ -53,9 +53,6 @@ AGREEMENT = 0.6
 SCHEME_IV = ("scheme-iv", "")
 #: Largest distance of Scheme IV's root from 1/2.
 NEAR = 0.1
-
-
-# -- the printed columns -----------------------------------------------------------------------------------------------
 
 
 def unit(printed: str) -> float:
@@ -88,9 +85,6 @@ def column(scheme: str, **key: str) -> list[dict]:
             STEPS[1:], PRINTED[scheme, lam], differences, orders, states[1:], strict=True
         )
     ]
-
-
-# -- the column of Scheme IV -------------------------------------------------------------------------------------------
 
 
 class Recipe(NamedTuple):
@@ -145,15 +139,6 @@ def scan(h: float) -> dict[str, list[dict]]:
     return {SCANS: [row | {"h": h} for row in summary([s])], FAR_ROOTS: roots}
 
 
-# -- judging -----------------------------------------------------------------------------------------------------------
-
-
-def rooted(scans: pd.DataFrame) -> Count:
-    """The steps of Scheme IV that have a root near 1/2."""
-    steps = int(scans["steps"].sum())
-    return Count(steps - int(scans["without a root"].sum()), steps)
-
-
 def _next_root(scans: pd.DataFrame) -> str:
     closest = (scans["far root closest to 1/2"] - 0.5).abs().min()
     return f"the nearest other root is {number(closest)} away" if closest == closest else ""
@@ -173,9 +158,6 @@ def order(column: str) -> Callable[[pd.DataFrame], float]:
 
 def _order_said(column: str) -> Callable[[Data], str | None]:
     return of(TABLE)(lambda frame: f"{order(column)(frame.query(IV)):.2f}" if len(frame.query(IV)) > 2 else None)
-
-
-# -- what is shown -----------------------------------------------------------------------------------------------------
 
 
 @of(TABLE)
@@ -203,8 +185,7 @@ def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
 
 
 @of(TABLE)
-def whole(frame: pd.DataFrame) -> pd.DataFrame:
-    """All entries, with the digits of the talk."""
+def _whole(frame: pd.DataFrame) -> pd.DataFrame:
     scientific = {"printed": 2, "refinement_difference": 4, "global_error": 2}
     written = {c: [f"{float(x):.{n}e}" for x in frame[c]] for c, n in scientific.items()}
     shown = frame.assign(**{"lambda": frame["lambda"].astype(object).fillna("")}, **written)
@@ -213,8 +194,7 @@ def whole(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 @of(COLUMNS)
-def table(columns: pd.DataFrame) -> Table:
-    """The computations that were tried for Scheme IV's printed column, those that agree most first."""
+def _table(columns: pd.DataFrame) -> Table:
     heads = {f"{h:g}": f"h = {h:g}" for h in STEPS[1:]}
     written = columns.assign(**{c: [f"{float(x):.3e}" for x in columns[c]] for c in heads})
     shown = written.sort_values("entries that agree", ascending=False, kind="stable").rename(columns=heads)
@@ -265,7 +245,7 @@ STUDY = Study(
         ),
         "roots": Claim(
             "Every step of Scheme IV has a root near λ = 1/2",
-            SCANS, rooted, unit="steps", where=_next_root,
+            SCANS, total("steps - `without a root`", "steps"), unit="steps", where=_next_root,
         ),
         "explanations": Claim(
             "No other computation that was tried gives Scheme IV's printed column",
@@ -282,8 +262,8 @@ STUDY = Study(
         ),
     },
     figure=_draw,
-    shown=table,
-    whole=whole,
+    shown=_table,
+    whole=_whole,
     limits=(
         f"An entry counts as reproduced within {AGREEMENT} of its last printed digit: 0.5 is rounding, the rest slack.",
         "The first printed row is taken to compare h = 0.02 with 0.01, which the talk does not say: the agreement "

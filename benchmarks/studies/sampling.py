@@ -233,8 +233,7 @@ def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     return [Picture(style.save(figure, folder, "sampling.png"), "rejected proposals over the cost", caption)]
 
 
-def table(data: Data) -> Table | None:
-    """Acceptances, the limit and, if it was measured, the least time of each method on each target."""
+def _table(data: Data) -> Table | None:
     frame, stable, timed = (data(name) for name in (ACCEPTANCE, LIMITS, TIMES))
     if frame is None or stable is None:
         return None
@@ -310,7 +309,7 @@ STUDY = Study(
         "stable": Claim("Every method has a limit", LIMITS, "limit > 0"),
     },
     figure=_draw,
-    shown=table,
+    shown=_table,
     limits=(
         "More is said where the 95 % intervals do not overlap; methods share their draws, so that this is strict.",
         "A run that fails or leaves the finite numbers counts as rejected.",

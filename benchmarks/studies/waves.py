@@ -75,9 +75,6 @@ def _seconds(run: Callable[[], object]) -> float:
     return time.perf_counter() - begin
 
 
-# -- what is shown -----------------------------------------------------------------------------------------------------
-
-
 @panels.picture(
     TABLE, "waves", "energy error against time",
     "Largest energy error, on steps with a root, over the seconds of the integration; the marks of a curve are its "

@@ -66,9 +66,6 @@ COST, LOW, HIGH = "ns a unit of time", "ns, low", "ns, high"
 OWN, AXES = "phasebench", ("ns a unit of time", "relative energy error")
 
 
-# -- measuring ---------------------------------------------------------------------------------------------------------
-
-
 def made(case: str) -> ProblemKey:
     """What identifies the problem of a case."""
     name, parameters, *_ = CASES[case]
@@ -138,9 +135,6 @@ def _row(at: Problem, c: Integrator, h: float, every: int) -> dict:
     return row if s.status != OK else row | {ERROR: energy_error(at, s.q, s.p)}
 
 
-# -- judging -----------------------------------------------------------------------------------------------------------
-
-
 @of(ALL)
 def cheapest(rows: pd.DataFrame) -> pd.DataFrame:
     """The fastest splitting of either side, and who is faster: a row for each problem and energy error."""
@@ -161,9 +155,6 @@ def cheapest(rows: pd.DataFrame) -> pd.DataFrame:
                 line |= {f"cheapest of {side}": which, f"ns, {side}": interval}
             lines.append(line | {"cheaper": cheaper(*costs)})
     return pd.DataFrame(lines)
-
-
-# -- what is shown -----------------------------------------------------------------------------------------------------
 
 
 def vectors(rows: pd.DataFrame) -> str:
@@ -214,8 +205,7 @@ def _draw_fronts(rows: pd.DataFrame) -> tuple[panels.Figure, str] | None:
 
 
 @of(cheapest)
-def table(lines: pd.DataFrame) -> Table:
-    """The fastest splitting of either side at each energy error."""
+def _table(lines: pd.DataFrame) -> Table:
     caption = (
         "The cheapest of each side at each energy error, in ns per unit of the problem's time: medians with 95 % "
         "intervals. Intervals that overlap are a tie."
@@ -285,7 +275,7 @@ STUDY = Study(
         "time": Claim("Every step takes a time", ALL, f"`{LOW}` > 0", rows="status == 'ok'"),
     },
     figure=panels.together(_draw_pairs, _draw_fronts),
-    shown=table,
+    shown=_table,
     whole=of(ALL)(lambda rows: rows.reindex(columns=["problem", "method", "h", ERROR, COST, LOW, HIGH, "status"])),
     limits=(
         f"Pairs are compared where both energy errors exceed {ROUND_OFF:g}: below, round-off decides, and sums here "

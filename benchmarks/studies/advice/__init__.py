@@ -150,9 +150,6 @@ def _against(question: Ask, choice: dict[str, Any]) -> dict[str, Any]:
     return line | seconds | {"ratio": over.value, "ratio low": over.low, "ratio high": over.high}
 
 
-# -- judging and showing -----------------------------------------------------------------------------------------------
-
-
 def farthest(rows: pd.DataFrame) -> str:
     """The request whose advised integration is farthest from the fastest."""
     worst = rows.loc[rows["ratio"].idxmax()]

@@ -96,8 +96,7 @@ def lower(rows: pd.DataFrame) -> pd.Series:
 
 
 @of(ACTA)
-def shown(rows: pd.DataFrame) -> Table:
-    """Methods that are missing, processed ones, then those with most wrong digits."""
+def _shown(rows: pd.DataFrame) -> Table:
     rank = lost(rows).fillna(-1.0) + 100.0 * rows["processed"] + 1000.0 * rows["id"].isna()
     part = rows.loc[rank.sort_values(ascending=False, kind="stable").index].head(ROWS)
     columns = ["table", "kind", "stages", "printed order", "work", "id", "order", "kernel order", "why not"]
@@ -148,7 +147,7 @@ STUDY = Study(
         ),
     },
     numbers={"lacking": Number(ACTA, lambda rows: (rows["why not"] == NO_SOURCE).sum())},
-    shown=shown,
+    shown=_shown,
     limits=(
         "The survey's text was not at hand. `table` names its table where a public program transcribes the row; the "
         "other rows are methods of the works that it collects, and methods of its own may be missing.",

@@ -96,8 +96,7 @@ def measure() -> dict[str, list[dict]]:
         }
 
 
-def table(data: Data) -> Table | None:
-    """The table of the least error constant for each kind and order."""
+def _table(data: Data) -> Table | None:
     frame, repaired = data(ORDERS), data(REPAIRS)
     if frame is None or frame.empty:
         return None
@@ -146,7 +145,7 @@ STUDY = Study(
         ),
     },
     numbers={"before": largest(BEFORE), "after": largest(AFTER)},
-    shown=table,
+    shown=_table,
     tables=(ORDERS, REPAIRS),
     limits=(
         f"A residual up to {ZERO:g} counts as zero.",

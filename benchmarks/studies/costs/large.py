@@ -44,9 +44,6 @@ ABOVE, WANTED = 0.1, 2.0
 PLACE = "{system}, d = {d:.0f}"
 
 
-# -- measures ----------------------------------------------------------------------------------------------------------
-
-
 def costs(system: str, d: int) -> dict:
     """The cost of a step by this project, C and, for bodies, REBOUND, timed in turns; memory; the distance from C.
 
@@ -136,9 +133,6 @@ def nothing_kept() -> Iterator[None]:
     ):
         hand._compile.cache_clear()
         yield
-
-
-# -- what they show ----------------------------------------------------------------------------------------------------
 
 
 def exponent(d: pd.Series, cost: pd.Series) -> tuple[float, float, float]:

@@ -110,7 +110,6 @@ def _run(words: list[str], **environment: str) -> str:
 @of(COLD)
 @style.styled
 def _draw(cold: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The seconds of the first integrations, a bar for each."""
     cold = cold.sort_values("seconds", ascending=False)
     y = np.arange(len(cold))
     figure, ((axes,),) = style.panels(1, 1, 1.0 + 0.2 * len(cold))
@@ -126,7 +125,6 @@ def _draw(cold: pd.DataFrame, folder: Path) -> list[Picture]:
 
 
 def _table(data: Data) -> Table | None:
-    """Cold starts, the longest first, then the warm ones."""
     parts = []
     if (warm := data(WARM)) is not None and len(warm):
         interval = [f"{low:.2f} to {high:.2f}" for low, high in zip(warm["low"], warm["high"], strict=True)]

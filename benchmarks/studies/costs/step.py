@@ -115,7 +115,6 @@ def slow(rows: pd.DataFrame) -> str:
 @of(RATIOS)
 @style.styled
 def _draw(ratios: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The ratios of step times with their intervals and limits."""
     y, middle = np.arange(len(ratios)), ratios["median"]
     figure, ((axes,),) = style.panels(1, 1, 1.0 + 0.2 * len(ratios))
     ends = [middle - ratios["median, low"], ratios["median, high"] - middle]

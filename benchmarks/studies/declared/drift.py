@@ -64,8 +64,7 @@ def controls(ran: pd.DataFrame) -> pd.Series:
     return pd.Series({id: id in set(ran.query(OF_DRIFTING)["id"]) for id in CONTROLS}, dtype=bool)
 
 
-def answer(data: Data) -> str | None:
-    """How often intervals cover a known drift, and 0 where the energy is bounded."""
+def _answer(data: Data) -> str | None:
     told, held, parts = rows_of(data, TABLE, RESOLVED), rows_of(data, COMPLETED, OF_BOUNDED), []
     if told is not None:
         parts.append(f"covers a known drift in {shares(told).min():.1%} to {shares(told).max():.1%} of the draws")
@@ -76,33 +75,28 @@ def answer(data: Data) -> str | None:
 
 @panels.picture(
     TABLE, "drift", "coverage of the intervals",
-    f"Coverage of the true drift over the number of periods; grey: {KIND_LEAST:.0%} to {MOST:.0%}; dotted: "
-    f"{SLOWEST} periods, below which no oscillation is fitted; crosses: the least coverage of the line through all "
-    "points.",
+    f"Coverage of the true drift over the number of periods; grey: {KIND_LEAST:.0%} to {MOST:.0%}; dotted: {SLOWEST} "
+    "periods, below which no oscillation is fitted; crosses: the least coverage of the line through all points.",
 )  # fmt: skip
-def draw(frame: pd.DataFrame) -> panels.Figure:
-    """The coverage over the number of periods: a panel for each length of series, a curve for each kind."""
-    lengths = sorted(frame["points"].unique())
-    figure, (panels,) = style.panels(1, len(lengths), 3.3, sharey=True)
-    for axes, points in zip(panels, lengths, strict=True):
-        here = frame[frame["points"] == points]
+def _draw(frame: pd.DataFrame) -> panels.Figure:
+    def coverages(axes: panels.Axes, here: pd.DataFrame) -> None:
         axes.axhspan(KIND_LEAST, MOST, color="0.9")
-        for k, kind in enumerate(dict.fromkeys(frame["kind"])):
+        for k, kind in enumerate(frame["kind"].unique()):
             part = here[here["kind"] == kind].sort_values("periods")
             axes.semilogx(part["periods"], part["covered"], label=kind, **style.curve(k))
         line = here.groupby("periods")["covered by the line"].min()
         look = {"color": style.GREY, "marker": "x", "linewidth": 0.9}
         axes.semilogx(line.index, line, label="line through all points", **look)
         axes.axvline(SLOWEST, color=style.GREY, linewidth=0.8, linestyle=":")
-        axes.set(title=f"{points} points", xlabel="periods in the whole time", ylim=(-0.02, 1.04))
-    panels[0].set_ylabel("share of intervals that cover")
-    style.legend_above(figure, panels[0], 3)
-    return figure
+        axes.set_ylim(-0.02, 1.04)
+
+    lengths = [(f"{points} points", part) for points, part in frame.groupby("points")]
+    text = "periods in the whole time", "share of intervals that cover"
+    return panels.row(lengths, coverages, 3.3, *text, legend=3, grid=False, sharey=True)
 
 
 @of(TABLE)
-def table(frame: pd.DataFrame) -> Table:
-    """The series with the coverage farthest from nominal, resolved oscillations first."""
+def _table(frame: pd.DataFrame) -> Table:
     far, told = (frame["covered"] - CONFIDENCE).abs(), frame.eval(RESOLVED)
     shown = frame.assign(far=far, told=told).sort_values(["told", "far"], ascending=False, kind="stable").head(ROWS)
     caption = (
@@ -116,7 +110,7 @@ STUDY = Study(
     id="drift",
     place=160,
     question="Do the intervals of a drift cover the drift?",
-    answer=answer,
+    answer=_answer,
     setting=(
         "Fast oscillation is averaged under a smooth window, slow oscillation fitted line by line and taken away.",
         "The slope is that of generalized least squares in the slowest sine components of the increments; the noise is "
@@ -159,8 +153,8 @@ STUDY = Study(
             TABLE, "covered", at_least(EACH), rows=RESOLVED, where="{kind}, {periods:g} periods in {points} points",
         ),
     },
-    figure=draw,
-    shown=table,
+    figure=_draw,
+    shown=_table,
     limits=(
         f"Wanted: {KIND_LEAST:.0%} to {MOST:.0%} for a kind of series with noise, at least {KIND_LEAST:.0%} for others "
         f"and {EACH:.0%} for each length and period, {LEAST:.0%} for the runs of each scene; of {DRAWN} draws a "

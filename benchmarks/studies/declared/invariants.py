@@ -43,8 +43,7 @@ def drifting(ran: pd.DataFrame) -> pd.Series:
     return found[first.index]
 
 
-def answer(data: Data) -> str | None:
-    """How well energy and angular momentum are kept, and which methods drift."""
+def _answer(data: Data) -> str | None:
     ran, parts = COMPLETED(data), []
     if ran is None or ran.empty:
         return None
@@ -56,8 +55,7 @@ def answer(data: Data) -> str | None:
     return f"Long-term, {'; '.join(parts)}."
 
 
-def draw(data: Data, folder: Path) -> list[Picture] | None:
-    """A map of the energy errors at each method's largest step: a line for each scene, a column for each method."""
+def _draw(data: Data, folder: Path) -> list[Picture] | None:
     ran = COMPLETED(data)
     if ran is None or ran.empty:
         return None
@@ -91,8 +89,7 @@ def draw(data: Data, folder: Path) -> list[Picture] | None:
 
 
 @of(TABLE)
-def table(rows: pd.DataFrame) -> Table | None:
-    """The smallest energy errors of each behaviour on each scene, the largest drifts, and runs that stopped early."""
+def _table(rows: pd.DataFrame) -> Table | None:
     ran, runs = completed_runs(rows), long_runs(rows)
     parts = []
     for declared in CLASSES[:2]:
@@ -117,8 +114,7 @@ def table(rows: pd.DataFrame) -> Table | None:
 
 
 @of(TABLE)
-def whole(rows: pd.DataFrame) -> pd.DataFrame:
-    """The energy error and status of each method on each long scene at its largest step."""
+def _whole(rows: pd.DataFrame) -> pd.DataFrame:
     ran = long_runs(rows).dropna(subset=["h"])
     ran = ran.loc[ran.groupby(["scene", "method"], sort=False)["h"].idxmax()]
     return ran.rename(columns={"energy_max": "energy error"})[
@@ -130,7 +126,7 @@ STUDY = Study(
     id="invariants",
     place=150,
     question="Which methods keep energy and angular momentum over long times, and which drift?",
-    answer=answer,
+    answer=_answer,
     setting=(
         "max |H − H₀| over all steps, and the slope of H − H₀ over time with its 95 % interval, oscillation removed.",
         "Pendulum, perturbed Kepler and Hénon–Heiles (box and chaotic) to t = 1000, Kepler over 100 orbits, "
@@ -154,9 +150,9 @@ STUDY = Study(
             COMPLETED, f"`{ANGULAR}`", at_most(KEPT), rows=MOMENTUM, where="{method} on {scene}", fault=True,
         ),
     },
-    figure=draw,
-    shown=table,
-    whole=whole,
+    figure=_draw,
+    shown=_table,
+    whole=_whole,
     limits=(
         "A drift counts if its interval excludes 0, if over the span the nearer end of the interval, and the error at "
         f"the end, each come to {SHARE:.0%} of the largest error, and if that exceeds {NOISE:g}.",

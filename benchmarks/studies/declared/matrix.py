@@ -40,9 +40,6 @@ KINDS = {
 }
 
 
-# -- judging -----------------------------------------------------------------------------------------------------------
-
-
 def contradictions(row: dict) -> list[str]:
     """What of a row contradicts the method's declarations; a missing number contradicts nothing."""
     found = []
@@ -109,11 +106,7 @@ def tried(frame: pd.DataFrame) -> pd.Series:
     return pd.Series({f"{m.id} on {name}": (m.id, name) in there for name in PROBLEMS for m in METHODS})
 
 
-# -- what is shown -----------------------------------------------------------------------------------------------------
-
-
-def answer(data: Data) -> str | None:
-    """How many pairs are as declared, how many fall short, and how many of these are explained."""
+def _answer(data: Data) -> str | None:
     found = rows_of(data, pairs)
     if found is None:
         return None
@@ -126,8 +119,7 @@ def answer(data: Data) -> str | None:
 
 
 @of(TABLE)
-def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """A map of all pairs, coloured by kind: a line for each problem, a column for each method."""
+def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -160,8 +152,7 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     return [Picture(style.save(figure, folder, "matrix.png"), "every method on every problem", caption)]
 
 
-def table(data: Data) -> Table | None:
-    """The contradictions, then the orders above the declared ones: a line for each method and reason."""
+def _table(data: Data) -> Table | None:
     found = rows_of(data, pairs)
     if found is None:
         return None
@@ -188,8 +179,7 @@ def table(data: Data) -> Table | None:
 
 
 @of(TABLE)
-def whole(frame: pd.DataFrame) -> pd.DataFrame:
-    """Order, defects and energy error of every method that runs on some problems."""
+def _whole(frame: pd.DataFrame) -> pd.DataFrame:
     rows = frame[frame["reason"].isna() & frame["problem"].isin(SMALL)].rename(columns={"declared_order": "declared"})
     return rows[["method", "problem", "declared", "order", "symplecticity", "reversibility", "energy"]]
 
@@ -198,7 +188,7 @@ STUDY = Study(
     id="matrix",
     place=140,
     question="Does every method have, on every problem, the properties that it declares?",
-    answer=answer,
+    answer=_answer,
     setting=(
         "Order, symplecticity |ω(Mu, Mv) − ω(u, v)| and reversibility |ρΦₕρΦₕ(y) − y| in multiprecision, without "
         "round-off.",
@@ -238,9 +228,9 @@ STUDY = Study(
             pairs, "missing == ''", where="{method} on {problem}: {missing}", names=3,
         ),
     },
-    figure=draw,
-    shown=table,
-    whole=whole,
+    figure=_draw,
+    shown=_table,
+    whole=_whole,
     limits=(
         f"An order is measured over {len(every_problem.LADDER)} step sizes, and above or below the declared one if it "
         f"is {GATE} off; errors up to {every_problem.EXACT:g} units of round-off, or {every_problem.DOUBTS} times the "

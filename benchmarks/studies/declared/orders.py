@@ -55,8 +55,7 @@ def also_in_doubles(data: Data) -> str:
 
 
 @of(TABLE)
-def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The deviation of every order in multiprecision from the declared one; a marker for each problem."""
+def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     problems, known = list(dict.fromkeys(frame["problem"])), sorted(frame["declared"].unique())
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 3.2)
@@ -77,8 +76,7 @@ def draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     return [Picture(style.save(figure, folder, "orders.png"), "deviation of the measured orders", caption)]
 
 
-def whole(data: Data) -> pd.DataFrame | None:
-    """All orders in double precision, with their intervals."""
+def _whole(data: Data) -> pd.DataFrame | None:
     found = in_doubles(data)
     if found is None:
         return None
@@ -88,15 +86,14 @@ def whole(data: Data) -> pd.DataFrame | None:
     return found[["method", "problem", "declared", "measured", "points", "h_first", "h_last"]]
 
 
-def table(data: Data) -> Table | None:
-    """The orders in double precision with a narrow interval off the declared order, the farthest first."""
+def _table(data: Data) -> Table | None:
     found = in_doubles(data)
     if found is None:
         return None
     seen = found[found["points"] >= POINTS]
     near, wide = seen["deviation"].abs() < GATE, seen["half"] > GATE
     off = seen[~near & ~wide].sort_values("deviation", key=abs, ascending=False)
-    shown = whole(data).loc[off.index[:ROWS]].rename(columns={"h_first": "largest h", "h_last": "smallest h"})
+    shown = _whole(data).loc[off.index[:ROWS]].rename(columns={"h_first": "largest h", "h_last": "smallest h"})
     caption = (
         f"In double precision {len(seen)} of {len(found)} pairs have {POINTS} steps above the noise: "
         f"{int(near.sum())} are within {GATE} of the declared order, {int((~near & wide).sum())} converge irregularly. "
@@ -140,9 +137,9 @@ STUDY = Study(
     ),
     claims=CLAIMS,
     numbers={"doubles": also_in_doubles},
-    figure=draw,
-    shown=table,
-    whole=whole,
+    figure=_draw,
+    shown=_table,
+    whole=_whole,
     limits=(
         f"An order is as declared within {GATE}. In double precision an interval wider than ±{GATE} is no "
         f"measurement, and an order is far below if it is at least {BELOW} too low.",

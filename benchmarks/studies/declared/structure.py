@@ -47,8 +47,7 @@ def round_off(rows: pd.DataFrame) -> pd.Series:
 
 
 @of(TABLE)
-def answer(rows: pd.DataFrame) -> str:
-    """How many step maps are as declared, for each property."""
+def _answer(rows: pd.DataFrame) -> str:
     right = as_declared(rows).groupby(rows["property"], sort=False).agg(["sum", "size"])
     counts = [f"{right['sum'][name]} of {right['size'][name]} in {name}" for name in PROPERTIES if name in right.index]
     return f"In arithmetic of {DIGITS} digits step maps are as declared: {join_list(counts, len(counts))}."
@@ -56,16 +55,12 @@ def answer(rows: pd.DataFrame) -> str:
 
 @panels.picture(
     TABLE, "structure", "defects of the step maps",
-    f"Defects of the step maps in {DIGITS} digits, the largest over the systems; dashed: {NO_DEFECT:g}, below "
-    f"which a defect is of the stage solver and the differences; zeros are drawn at {FLOOR:g}. Methods of high "
-    "order that lack a property may be below the line, too.",
+    f"Defects of the step maps in {DIGITS} digits, the largest over the systems; dashed: {NO_DEFECT:g}, below which a "
+    f"defect is of the stage solver and the differences; zeros are drawn at {FLOOR:g}. Methods of high order that lack "
+    "a property may be below the line, too.",
 )  # fmt: skip
-def draw(rows: pd.DataFrame) -> panels.Figure:
-    """Every defect, sorted: a panel for each property, another colour for methods that are declared to have it."""
-    there = [name for name in PROPERTIES if (rows["property"] == name).any()]
-    figure, (panels,) = style.panels(1, len(there), 3.0, sharey=True)
-    for axes, name in zip(panels, there, strict=True):
-        part = rows[rows["property"] == name]
+def _draw(rows: pd.DataFrame) -> panels.Figure:
+    def defects(axes: panels.Axes, part: pd.DataFrame) -> None:
         first = 0
         for k, (known, label) in enumerate(((True, "declared"), (False, "not declared"))):
             defect = np.sort(part[part["declared"] == known]["defect"].clip(lower=FLOOR))
@@ -73,27 +68,25 @@ def draw(rows: pd.DataFrame) -> panels.Figure:
             axes.semilogy(first + np.arange(len(defect)), defect, label=label, **look)
             first += len(defect)
         axes.axhline(NO_DEFECT, color=style.GREY, linewidth=0.9, linestyle="--")
-        axes.set(title=name, xlabel="methods, by defect")
         axes.grid(axis="y", color="0.93", linewidth=0.5)
-    panels[0].set_ylabel("defect of one step")
-    style.legend_above(figure, panels[0], 2)
-    return figure
+
+    parts = [(name, part) for name in PROPERTIES if len(part := rows[rows["property"] == name])]
+    text = "methods, by defect", "defect of one step"
+    return panels.row(parts, defects, 3.0, *text, legend=2, grid=False, sharey=True)
 
 
 @of(TABLE)
-def whole(rows: pd.DataFrame) -> pd.DataFrame:
-    """All rows, with "yes" or "no" for what is declared."""
+def _whole(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(declared=rows["declared"].map({True: "yes", False: "no"}))
 
 
 @of(TABLE)
-def table(rows: pd.DataFrame) -> Table:
-    """The largest defects of methods declared to have a property, and the smallest of the others."""
+def _table(rows: pd.DataFrame) -> Table:
     parts = []
     for name in PROPERTIES:
         part = rows[rows["property"] == name]
         parts += [part[part["declared"]].nlargest(SHOWN, "defect"), part[~part["declared"]].nsmallest(SHOWN, "defect")]
-    shown = whole({TABLE: pd.concat(parts)}.get)[["property", "method", "declared", "defect"]].head(ROWS)
+    shown = _whole({TABLE: pd.concat(parts)}.get)[["property", "method", "declared", "defect"]].head(ROWS)
     caption = (
         f"The methods nearest to the limit of {NO_DEFECT:g}: of each property the four largest defects of methods "
         "declared to have it, and the four smallest of the others."
@@ -105,7 +98,7 @@ STUDY = Study(
     id="structure",
     place=130,
     question="Are the step maps symplectic, symmetric and volume-preserving where they are declared to be?",
-    answer=answer,
+    answer=_answer,
     setting=(
         "Symplecticity: the largest entry of MᵀJM − J, M the Jacobian of one step by differences. Of a charged "
         "particle, with p = v + A(x), J is the magnetic two-form dx ∧ dv + B: this is K-symplecticity.",
@@ -155,9 +148,9 @@ STUDY = Study(
             TABLE, round_off, EVERY, rows="declared", where="{method}, {property}",
         ),
     },
-    figure=draw,
-    shown=table,
-    whole=whole,
+    figure=_draw,
+    shown=_table,
+    whole=_whole,
     limits=(
         f"A defect of at most {NO_DEFECT:g} counts as none: a smaller one on all systems would pass unseen.",
         f"Above order {HIGH} a method is seen to lack a property by half of the digits that it is measured in, a "

@@ -25,21 +25,17 @@ WANTED, OF_BARE = 0.9, 0.95
 WIDE, ORBITS_OF = "`in lanes` and status == 'ok'", f"method != '{lanes.BARE}'"
 
 
+@of(against.TABLE)
 def reached(rows: pd.DataFrame) -> pd.DataFrame:
     """Costs of both sides at each problem and error that one of them reaches."""
     found = against.compared(rows)
     return found[found["cheaper"] != timing.NONE]
 
 
-def behind(rows: pd.DataFrame) -> pd.Series:
-    """True where heyoka is cheaper, or reaches an error alone."""
-    return reached(rows)["cheaper"] == timing.PEERS
-
-
 def where_behind(rows: pd.DataFrame) -> str:
     """The problems on which heyoka is cheaper, from which error on, and by how much."""
     parts = []
-    for problem, part in reached(rows)[behind(rows)].groupby("problem", sort=False):
+    for problem, part in rows[rows["cheaper"] == timing.PEERS].groupby("problem", sort=False):
         known = part["ours / heyoka"].dropna()
         by = f"{known.min():.2g} to {known.max():.2g} times" if len(known) else ""
         by += (", or " if by else "") + "not reached" if len(known) < len(part) else ""
@@ -56,9 +52,6 @@ def nearly(rows: pd.DataFrame) -> Between:
     """Condition: as fast as all cores could nearly be, by their number or by the bare loop."""
     bare = rows.loc[rows["method"] == lanes.BARE, "speed-up"]
     return at_least(min([WANTED * int(rows["cores"].max()), *(OF_BARE * bare)]))
-
-
-# -- what is shown -----------------------------------------------------------------------------------------------------
 
 
 @panels.picture(maps.TABLE, "ensembles", "maps of Henon-Heiles")
@@ -127,7 +120,7 @@ STUDY = Study(
         ),
         "heyoka": Claim(
             "At equal error no orbit is dearer than in heyoka's batches",
-            against.TABLE, behind, NONE, unit="pairs of a problem and an error", where=where_behind,
+            reached, f"cheaper == '{timing.PEERS}'", NONE, unit="pairs of a problem and an error", where=where_behind,
         ),
         "cores": Claim(
             "All cores carry every ensemble nearly as fast as they could",
@@ -136,7 +129,7 @@ STUDY = Study(
     },
     numbers={
         "gains": Claim("lanes gain", lanes.TABLE, "gain", at_least(1), rows=WIDE, span=True),
-        "cheaper": Number(against.TABLE, lambda rows: (reached(rows)["cheaper"] == timing.OURS).sum()),
+        "cheaper": Number(reached, f"cheaper == '{timing.OURS}'", take=pd.Series.sum),
     },
     checks={
         "arrive": Claim("Every orbit of an ensemble arrives", lanes.TABLE, "status == 'ok'", rows=ORBITS_OF),

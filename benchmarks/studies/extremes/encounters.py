@@ -78,9 +78,6 @@ SCENES = {
 }  # fmt: skip
 
 
-# -- runs --------------------------------------------------------------------------------------------------------------
-
-
 def kind(method: str) -> str:
     """The kind of an integrator's steps."""
     if method in STEP_CHANGING or method.endswith(TRANSFORMED):
@@ -174,9 +171,6 @@ def _through(scene: Encounter, method: str) -> Iterator[tuple[float, Solution, S
         t = float(s.q[-1][-1])
         known = judge.run(made, h=t, steps=1, tol=judge.record.least).q[-1] if s.status == OK and t > 0 else made.q0
         yield n, s, known
-
-
-# -- what is shown -----------------------------------------------------------------------------------------------------
 
 
 def cheapest(rows: pd.DataFrame) -> pd.DataFrame:

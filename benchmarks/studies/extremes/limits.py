@@ -25,8 +25,9 @@ from phasebench.benchmarks.measure.linear_stability import radius
 from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import total
 from phasebench.benchmarks.page.study import Claim, Runs, Study
-from phasebench.benchmarks.page.verdict import Count, at_most
+from phasebench.benchmarks.page.verdict import at_most
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import ProblemKey
 from phasebench.integrators.registry import BY_ID, METHODS
@@ -246,10 +247,6 @@ def _table(known: pd.DataFrame) -> Table:
     return Table(pd.DataFrame(columns), caption)
 
 
-def _long_runs(rows: pd.DataFrame) -> Count:
-    return Count(int(rows["confirmed"].sum()), int(rows["runs"].sum()))
-
-
 def _unconfirmed(rows: pd.DataFrame) -> str:
     labels = list(rows.loc[rows["confirmed"] < rows["runs"], "label"])
     return join_list(labels, 3) if labels else ""
@@ -268,7 +265,7 @@ CLAIMS = {
     ),
     "runs": Claim(
         "Long runs beside the limits stay bounded or grow as the step map predicts",
-        LINEAR, _long_runs, rows="runs > 0", unit="runs", where=_unconfirmed, fault=True,
+        LINEAR, total("confirmed", "runs"), rows="runs > 0", unit="runs", where=_unconfirmed, fault=True,
     ),
 }  # fmt: skip
 STUDY = Study(

@@ -175,9 +175,6 @@ def _tableau(id: str) -> tuple[np.ndarray, np.ndarray]:
     return np.array(rows, float), np.array(weights, float)
 
 
-# -- what is shown -----------------------------------------------------------------------------------------------------
-
-
 @panels.picture(
     STIFFNESS, "extremes-stiffness", "stiffness",
     f"FPU: the largest change of the oscillatory energy in {STEPS} steps; grey: {CLIFF:g}, the cliff.",

@@ -3,41 +3,23 @@
 from __future__ import annotations
 
 from math import inf, nan, pi
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.timing import OURS, PEERS, TIED, Median, cheaper
+from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.shared import worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import NONE, at_least, at_most
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey
 from phasebench.integrators.driver import OK
 
-from .runs import (
-    COST,
-    DEAR,
-    DRAWN,
-    ECCENTRICITIES,
-    GROWTH,
-    LADDER,
-    LONG,
-    MEMBERS,
-    ORBITS,
-    PRICED,
-    PROBLEMS,
-    SPREAD,
-    STANDARD,
-    TAYLOR,
-    USUAL_STEPS,
-    cost,
-    follow,
-    orbit_times,
-)
+from . import runs as measure
+from .runs import COST, GROWTH, LONG, MEMBERS, PRICED, PROBLEMS, STANDARD
 
 TIMES, OWN, KEY = "kepler_times", "phasebench", ["problem", "e", "method", "setting"]
 #: Phase errors at the end, in radians, for which the cheapest integrators are listed.
@@ -53,12 +35,19 @@ TRIED_TO, TRIED = 1e-8, {"heyoka": "heyoka", "IAS15": "rebound-ias15"}
 #: Largest difference in radians between closed form and Taylor series; the error that the best integrator must reach.
 AWAY, BEST = 1e-9, 1e-6
 TITLES = {"kepler": "Kepler", "perturbed-kepler": "Kepler, Schwarzschild term"}
+#: Runs with a phase error above round-off, without those at a tolerance looser than a peer's own.
+SETTLED = (
+    f"status == '{OK}' and phase > {PHASE_ROUND_OFF} and `phase growth` == `phase growth` "
+    "and not setting.str.startswith('tolerance')"
+)
+#: The time of the integrator is wrong: its frequency is (-2 H)^(3/2), so that a relative energy error d changes the
+#: angle by at most 3/2 d of it.
+UNEXPLAINED = f"phase > {CLOCK * 1.5} * energy * 2 * {pi} * orbits"
 #: Errors below this are drawn at it.
 FLOOR = 1e-16
+#: What is shown of a run at its end.
+ENDS = ["energy", "momentum", "phase", "phase median", "starts", "perihelion", "status"]
 QUANTITIES = {"energy": "energy", "momentum": "ang. momentum", "phase": "phase (rad)", "perihelion": "perihelion (rad)"}
-
-
-# -- judging -----------------------------------------------------------------------------------------------------------
 
 
 def _who(rows: pd.DataFrame) -> pd.Series:
@@ -101,26 +90,9 @@ def _cheapest(members: pd.DataFrame, wanted: float) -> tuple[str, Median]:
     return best, Median(*(float(c.min()) if len(c) else inf for c in costs))
 
 
-def settled(rows: pd.DataFrame) -> pd.Series:
-    """True for runs with a phase error above round-off; those at a tolerance looser than a peer's own are left out."""
-    above = (rows["status"] == OK) & (rows["phase"] > PHASE_ROUND_OFF) & rows["phase growth"].notna()
-    return above & ~rows["setting"].str.startswith("tolerance")
-
-
-def unexplained(rows: pd.DataFrame) -> pd.Series:
-    """True where the phase error is larger than the energy error explains: the time of the integrator is wrong.
-
-    The frequency is (-2 H)^(3/2): a relative energy error d changes the angle by at most 3/2 d of it.
-    """
-    return rows["phase"] > CLOCK * 1.5 * rows["energy"] * 2 * pi * rows["orbits"]
-
-
 def least(lines: pd.DataFrame) -> pd.Series:
     """The least cost of each case."""
     return lines[[f"{side}, µs an orbit" for side in (OURS, PEERS)]].min(axis=1)
-
-
-# -- what is shown -----------------------------------------------------------------------------------------------------
 
 
 def _settings_tried(rows: pd.DataFrame) -> str:
@@ -136,15 +108,12 @@ def _settings_tried(rows: pd.DataFrame) -> str:
     return f" Settings of peers, their time to {TRIED_TO:g} over the best one's: {'; '.join(parts)}." if parts else ""
 
 
-@style.styled
-def _draw(data: Data, folder: Path) -> list[Picture]:
-    """The errors over the orbits, and the error against time for this project's methods and other packages."""
-    return [p for p in (_draw_errors(data, folder), _draw_costs(data, folder)) if p is not None]
-
-
-@of(GROWTH)
-def _draw_errors(rows: pd.DataFrame, folder: Path) -> Picture | None:
-    """A row of panels for each quantity, a column for each eccentricity, a curve for each method."""
+@panels.picture(
+    GROWTH, "kepler-errors", "errors over the orbits",
+    f"{TITLES[PROBLEMS[-1]]}: the greatest error so far over the number of orbits; methods of high order at {STANDARD} "
+    "steps an orbit, or adaptive.",
+)  # fmt: skip
+def _draw_errors(rows: pd.DataFrame) -> panels.Figure | None:
     rows = rows[(rows["problem"] == PROBLEMS[-1]) & (rows["group"] == "high order")]
     rows = rows[rows["setting"].isin([f"{STANDARD} steps", "adaptive"])]
     columns, names = sorted(rows["e"].unique()), list(dict.fromkeys(rows["method"]))
@@ -154,10 +123,7 @@ def _draw_errors(rows: pd.DataFrame, folder: Path) -> Picture | None:
     for row, (quantity, label) in zip(axes, QUANTITIES.items(), strict=True):
         for ax, e in zip(row, columns, strict=True):
             part = rows[rows["e"] == e]
-            for i, method in enumerate(names):
-                curve = part[part["method"] == method].sort_values("orbits")
-                ax.plot(curve["orbits"], curve[quantity].clip(lower=FLOOR), label=method, **style.curve(i))
-            ax.set(xscale="log", yscale="log")
+            panels.curves("method", "orbits", quantity, names, span=(FLOOR, None))(ax, part)
             ax.grid(color="0.9", linewidth=0.5)
             if not np.isfinite(part[quantity]).any():
                 ax.text(0.5, 0.5, "undefined\non a circle", transform=ax.transAxes, ha="center", va="center")
@@ -170,11 +136,7 @@ def _draw_errors(rows: pd.DataFrame, folder: Path) -> Picture | None:
         below.set_xlabel("orbits")
     style.legend_above(figure, axes[0][0], 3)
     figure.align_ylabels()
-    caption = (
-        f"{TITLES[PROBLEMS[-1]]}: the greatest error so far over the number of orbits; methods of high order at "
-        f"{STANDARD} steps an orbit, or adaptive."
-    )
-    return Picture(style.save(figure, folder, "kepler-errors.png"), "errors over the orbits", caption)
+    return figure
 
 
 def _fastest(rows: pd.DataFrame, most: int) -> list[str]:
@@ -184,34 +146,23 @@ def _fastest(rows: pd.DataFrame, most: int) -> list[str]:
     return sorted(wins.unique(), key=lambda name: -(wins == name).sum())[:most]
 
 
-@of(COST)
-def _draw_costs(rows: pd.DataFrame, folder: Path) -> Picture | None:
-    """The error at the end over the seconds of a warm run: a panel for each problem."""
+@panels.picture(COST, "kepler-cost", "error against time")
+def _draw_costs(rows: pd.DataFrame) -> tuple[panels.Figure, str] | None:
     rows = rows[rows["status"] == OK]
     if rows.empty:
         return None
     shown = [*_fastest(rows[rows["kind"] == OWN], 4), *_fastest(rows[rows["kind"] != OWN], 3)]
     shown += [m for m in ("stormer-verlet", "scipy-dop853-numba") if m in set(rows["method"]) and m not in shown]
-    problems = rows.groupby("problem", sort=False)
-    figure, (panels,) = style.panels(1, len(problems), 3.6, sharex=True, sharey=True)
-    for ax, (problem, ran) in zip(panels, problems, strict=True):
-        for i, method in enumerate(shown):
-            part = ran[ran["method"] == method].sort_values("seconds")
-            ax.loglog(part["seconds"], part["error"].clip(lower=FLOOR), label=method, **style.curve(i))
-        ax.set(title=problem, xlabel="warm integration (s)")
-        ax.grid(color="0.93", linewidth=0.5)
-    panels[0].set_ylabel("error at the end, maximum norm")
-    style.legend_above(figure, panels[0], 3)
-    caption = (
+    of_method = panels.curves("method", "seconds", "error", shown, span=(FLOOR, None))
+    problems, text = rows.groupby("problem", sort=False), ("warm integration (s)", "error at the end, maximum norm")
+    return panels.row(problems, of_method, 3.6, *text, legend=3, sharex=True, sharey=True), (
         f"Error of the state after {rows['orbits'].max():g} orbits at e = {rows['e'].max():g} over the seconds of a "
         f"warm run; {len(shown)} methods: the fastest of each side, and two usual ones.{_settings_tried(rows)}"
     )
-    return Picture(style.save(figure, folder, "kepler-cost.png"), "error against time", caption)
 
 
 @of(cases, LONG)
 def _table(lines: pd.DataFrame, runs: pd.DataFrame) -> Table:
-    """The cheapest of both sides for each orbit and phase error."""
     ran = runs[runs["kind"] != "reference"]
     stopped = int((~ran["status"].isin([OK, "skipped"])).sum())
     caption = (
@@ -222,19 +173,12 @@ def _table(lines: pd.DataFrame, runs: pd.DataFrame) -> Table:
     return Table(lines.head(ROWS), caption)
 
 
-@of(ends)
-def _whole(rows: pd.DataFrame) -> pd.DataFrame:
-    """The errors at the end of every run."""
-    columns = ["energy", "momentum", "phase", "phase median", "starts", "perihelion", "status"]
-    return rows.reindex(columns=[*KEY, *columns])
-
-
 def _record(method: str) -> list:
     return [MEMBERS[method].record] if method in MEMBERS else []
 
 
 #: The keys of orbits.
-ORBITS_OF = [{"problem": problem, "e": e} for problem in PROBLEMS for e in ECCENTRICITIES]
+ORBITS_OF = [{"problem": problem, "e": e} for problem in PROBLEMS for e in measure.ECCENTRICITIES]
 STUDY = Study(
     id="kepler",
     place=240,
@@ -245,8 +189,8 @@ STUDY = Study(
         "H = |p|²/2 − 1/|q| − μ/(3|q|³), with μ = 0 (Kepler) and with the Schwarzschild term; e = 0, 0.2, 0.6, 0.9.",
         "Errors are the greatest so far, at pericentres and apocentres: energy and angular momentum relative; phase "
         "(mean longitude) and perihelion against exact angles, linear in time, from elliptic integrals.",
-        f"Fixed steps: {LADDER[0]} to {LADDER[-1]} an orbit. Adaptive peers at their own tolerance; heyoka (with "
-        "high_accuracy and without) and IAS15 also at looser ones.",
+        f"Fixed steps: {measure.LADDER[0]} to {measure.LADDER[-1]} an orbit. Adaptive peers at their own tolerance; "
+        "heyoka (with high_accuracy and without) and IAS15 also at looser ones.",
         "Where round-off may decide, a phase error is the median of nine starts whose coordinates are an ulp less, "
         "the same or an ulp more, with its 95 % interval.",
         "Times are warm, without output, all integrators in turns, medians of nine rounds with 95 % intervals. heyoka, "
@@ -254,15 +198,15 @@ STUDY = Study(
     ),
     runs=(
         Runs(
-            LONG, follow, [orbit | {"method": m} for orbit in ORBITS_OF for m in (TAYLOR, *MEMBERS)], more=(GROWTH,),
-            needs=lambda problem, e, method: [ProblemKey(problem, (("e", e),)), *_record(method)],
+            LONG, measure.follow, [orbit | {"method": m} for orbit in ORBITS_OF for m in (measure.TAYLOR, *MEMBERS)],
+            more=(GROWTH,), needs=lambda problem, e, method: [ProblemKey(problem, (("e", e),)), *_record(method)],
         ),
         Runs(
-            TIMES, orbit_times, ORBITS_OF, where=ALONE, own=True,
+            TIMES, measure.orbit_times, ORBITS_OF, where=ALONE, own=True,
             needs=lambda problem, e: [ProblemKey(problem, (("e", e),)), *(c.record for c in MEMBERS.values())],
         ),
         Runs(
-            COST, cost, over(method=tuple(PRICED), problem=PROBLEMS), where=ALONE, own=True,
+            COST, measure.cost, over(method=tuple(PRICED), problem=PROBLEMS), where=ALONE, own=True,
             needs=lambda problem, method: [ProblemKey(problem), PRICED[method].record],
         ),
     ),
@@ -274,12 +218,12 @@ STUDY = Study(
         ),
         "laws": Claim(
             "Phase errors above round-off grow linearly with time",
-            ends, f"abs(`phase growth` - 1) <= {NEAR}", at_least(LINEAR), rows=settled, unit="runs",
+            ends, f"abs(`phase growth` - 1) <= {NEAR}", at_least(LINEAR), rows=SETTLED, unit="runs",
             where=worst("abs(`phase growth` - 1)", "{who}, e = {e:g}: t^{phase growth:.2f}"),
         ),
         "clocks": Claim(
             "No adaptive method has a phase error that its energy error does not explain",
-            ends, unexplained, NONE, rows=f"status == '{OK}' and mu == 0 and setting == 'adaptive' and phase == phase",
+            ends, UNEXPLAINED, NONE, rows=f"status == '{OK}' and mu == 0 and setting == 'adaptive' and phase == phase",
             unit="runs on pure Kepler orbits", where="{method}, e = {e:g}: {phase:.3g} rad", names=3,
         ),
     },
@@ -300,7 +244,7 @@ STUDY = Study(
         "followed": Claim(
             "Some integrator follows every orbit to its end",
             GROWTH, lambda rows: rows.groupby(["problem", "e"])["phase"].min(), at_most(BEST),
-            rows=f"kind != 'reference' and orbits == {ORBITS + 0.5}", whole=True,
+            rows=f"kind != 'reference' and orbits == {measure.ORBITS + 0.5}", whole=True,
         ),
         "peers": Claim(
             "Some integrator of another package comes near the reference",
@@ -313,20 +257,22 @@ STUDY = Study(
             rows="`us per orbit` == `us per orbit`",
         ),
     },
-    figure=_draw,
+    figure=panels.together(_draw_errors, _draw_costs),
     shown=_table,
-    whole=_whole,
+    whole=of(ends)(lambda rows: rows.reindex(columns=[*KEY, *ENDS])),
     tables=(LONG, GROWTH, TIMES, COST),
     limits=(
         f"Linear means an exponent within {NEAR} of 1, wanted of {100 * LINEAR:g} % of the runs; phase errors up to "
         f"{PHASE_ROUND_OFF:g} rad, and peers at a tolerance looser than their own, are not judged.",
         f"A phase error is unexplained above {CLOCK:g} times what the energy error can do: the integrator's time is "
         "wrong.",
-        f"Starts an ulp apart are run for phase errors from {DRAWN[0]:g} to {DRAWN[1]:g} rad; those of {DEAR[0]} at "
-        f"its default tolerance take long: its phase errors are taken to be known within a factor {SPREAD:g}.",
+        f"Starts an ulp apart are run for phase errors from {measure.DRAWN[0]:g} to {measure.DRAWN[1]:g} rad; those of "
+        f"{measure.DEAR[0]} at its default tolerance take long: its phase errors are taken to be known within a factor "
+        f"{measure.SPREAD:g}.",
         "Without the Schwarzschild term a Wisdom–Holman splitting is the exact flow: this says nothing of a perturbed "
         "problem.",
-        f"The most steps an orbit are {max(LADDER)}, and {USUAL_STEPS} or fewer where a run would take much more than "
-        "a second; SciPy is left out over 10⁴ orbits. A step between two that were tried might be cheaper.",
+        f"The most steps an orbit are {max(measure.LADDER)}, and {measure.USUAL_STEPS} or fewer where a run would take "
+        "much more than a second; SciPy is left out over 10⁴ orbits. A step between two that were tried might be "
+        "cheaper.",
     ),
 )  # fmt: skip

@@ -62,8 +62,7 @@ def drifting(rows: pd.DataFrame) -> str:
 
 
 @of(argon.TABLE, water.TABLE)
-def table(atoms: pd.DataFrame, molecule: pd.DataFrame) -> Table:
-    """A row for each package and setting, of the atoms and of the water."""
+def _table(atoms: pd.DataFrame, molecule: pd.DataFrame) -> Table:
     both = atoms.merge(molecule, on=["package", "settings"], how="outer", sort=False)
     columns = {
         "package": "package",
@@ -146,7 +145,7 @@ STUDY = Study(
             at_most(ROUND_OFF), rows=f"package == '{OURS}'",
         ),
     },
-    shown=table,
+    shown=_table,
     whole=lambda data: None,
     limits=(
         "Nothing is timed: one loop is Python's, and seven atoms are far from what these packages are made for.",

@@ -103,12 +103,8 @@ def more_in_single(rows: pd.DataFrame) -> pd.Series:
     return off[SINGLE] > off[PLAIN]
 
 
-# -- what is shown -----------------------------------------------------------------------------------------------------
-
-
 @of(quadratures, solving, sums, arithmetic.COSTS)
 def _table(rules: pd.DataFrame, stages: pd.DataFrame, ends: pd.DataFrame, costs: pd.DataFrame) -> Table:
-    """The best setting of each option in each case, its gain and its cost."""
     rows = []
     for r in rules.to_dict("records"):
         gives = f"energy error {number(r['energy error'], 2)}, with one {number(r['with one'], 2)}"
@@ -137,7 +133,6 @@ def _table(rules: pd.DataFrame, stages: pd.DataFrame, ends: pd.DataFrame, costs:
 @of(nodes.TABLE, arithmetic.ERRORS, solvers.TABLE)
 @style.styled
 def _draw(rules: pd.DataFrame, ends: pd.DataFrame, stages: pd.DataFrame, folder: Path) -> list[Picture]:
-    """Energy errors over nodes beside round-off over steps; errors over evaluations of each solver."""
     figure, ((left, right),) = style.panels(1, 2, 3.9)
     fixed = rules[rules["nodes"] != nodes.CONFIRMED]
     plot(left, fixed, ["scene", "h"], "nodes", "energy error", "{scene}, h = {h:g}")

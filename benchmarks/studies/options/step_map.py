@@ -125,7 +125,6 @@ def fastest(option: str) -> Callable[[Data], str | None]:
 
 @of(best, COSTS, TABLE)
 def _table(best: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame) -> Table:
-    """The best setting of each option on each orbit, its gain and its cost."""
     rows = []
     for r in best.to_dict("records"):
         part = costs[(costs["scene"] == r["scene"]) & (costs["method"] == r["method"])].set_index("lam")
@@ -149,7 +148,6 @@ def _table(best: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame) -> Tabl
 
 @of(TABLE)
 def _whole(rungs: pd.DataFrame) -> pd.DataFrame:
-    """The fastest setting of each option at every error."""
     return pd.concat([cheapest(rungs, option) for option in SETTINGS]).drop(columns="settings")
 
 
@@ -213,7 +211,6 @@ def _draw_ladders(parts: list[pd.DataFrame], legends: bool, folder: Path, *about
 @of(OFF, COSTS, TABLE)
 @style.styled
 def _draw(errors: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture]:
-    """The figures of lambda, of orders, and of methods that keep the energy."""
     options = [rungs[rungs["knob"] == option] for option in (COMPOSITION, GENERATING)]
     first = [part[part["scene"] == part["scene"].iloc[0]] for part in options if len(part)]
     keepers = [part for _, part in usable(rungs, ENERGY).groupby("scene", sort=False)]

@@ -122,7 +122,6 @@ def _draw(found: pd.DataFrame) -> panels.Figure:
 
 @of(ratios, largest, smallest)
 def _full_table(found: pd.DataFrame, first: pd.DataFrame, last: pd.DataFrame) -> pd.DataFrame:
-    """For each scene the error from which on Gauss is faster, and the ratios at its largest and smallest error."""
     cross = crossings(found).sort_values(ascending=False)
     first, last = (x.set_index("scene").loc[cross.index] for x in (first, last))
     columns = {

@@ -171,8 +171,7 @@ def _interval(row: dict) -> str:
 
 
 @of(above)
-def table(found: pd.DataFrame) -> Table:
-    """Cases in which this project is slower, with the reason: the worst of each scene first, then the next ones."""
+def _table(found: pd.DataFrame) -> Table:
     order = found.assign(place=found.groupby("scene").cumcount()).sort_values("place", kind="stable").head(ROWS)
     lines = [
         {
@@ -195,7 +194,6 @@ def table(found: pd.DataFrame) -> Table:
 
 @of(cases, above)
 def _full_table(found: pd.DataFrame, slow: pd.DataFrame) -> pd.DataFrame:
-    """Our time over the best peer's in every case, and the reason if this project is slower."""
     sides = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "steps", "seconds")]
     columns = ["scene", "quantity", "accuracy", *sides, "ratio", "ratio low", "ratio high", "cheaper", "why"]
     return found.merge(slow[["scene", "accuracy", "why"]], how="left").fillna({"why": ""})[columns]
@@ -235,7 +233,7 @@ STUDY = Study(
         "scenes": MEASURED,
     },
     figure=_draw,
-    shown=table,
+    shown=_table,
     whole=_full_table,
     command="pytest benchmarks -k trade",
     limits=(

@@ -65,7 +65,6 @@ def unjudged(question: Question, rows: pd.DataFrame) -> str:
 
 
 def _answer(question: Question, data: Data) -> str | None:
-    """How often ours and how often peers are the fastest; the fastest at the largest and at the smallest error."""
     found = _of_scene(question, joined, data)
     if found is None:
         return None
@@ -113,7 +112,6 @@ def integrators_to_draw(finals: pd.DataFrame, side: str, most: int) -> list[str]
 
 @style.styled
 def _draw(question: Question, data: Data, folder: Path) -> list[Picture] | None:
-    """Errors over seconds and over steps, a curve for each of the integrators that are the fastest most often."""
     finals, rungs = (_of_scene(question, name, data) for name in (FINALS, RUNGS))
     if finals is None or rungs is None:
         return None

@@ -68,7 +68,6 @@ MEASURED = Claim(
 
 @of(joined)
 def _answer(found: pd.DataFrame) -> str:
-    """How often our methods, and other packages, are the fastest; the method of ours that wins most often."""
     ours, peers, tied = counts(found)
     names = Counter(winner(row) for row in found[found["cheaper"] == OURS].to_dict("records"))
     often = f" (most often {names.most_common(1)[0][0]})" if names else ""
@@ -86,7 +85,6 @@ def _at(found: pd.DataFrame, accuracy: float) -> pd.DataFrame:
 @of(cases)
 @style.styled
 def _draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
-    """A coloured square for each scene and accuracy: our best time over the best peer's."""
     from matplotlib.colors import LinearSegmentedColormap
 
     decades = range(1, 14)
@@ -125,7 +123,6 @@ def _cell(row: dict) -> str:
 
 @of(joined)
 def _table(found: pd.DataFrame) -> Table | None:
-    """The fastest integrator at each accuracy of `SHOWN`, for one scene of each problem."""
     lines = []
     for scene in ONE_EACH:
         if not (part := found[found["scene"] == scene]).empty:
@@ -141,7 +138,6 @@ def _table(found: pd.DataFrame) -> Table | None:
 
 @of(joined)
 def _full_table(found: pd.DataFrame) -> pd.DataFrame:
-    """The fastest integrator of either side in every case."""
     sides = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "h", "tol", "error", "seconds")]
     columns = ["scene", "quantity", "accuracy", *sides, "ratio", "ratio low", "ratio high", "cheaper"]
     return found.reindex(columns=columns)

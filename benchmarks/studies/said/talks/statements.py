@@ -47,9 +47,6 @@ def curves(figure: str) -> list[dict]:
     return FIGURES[figure]()
 
 
-# -- judging -----------------------------------------------------------------------------------------------------------
-
-
 def _change(rows: pd.DataFrame, column: str) -> pd.Series:
     """By how much a column varies in each panel."""
     return rows.groupby("panel", sort=False)[column].agg(np.ptp)
@@ -144,9 +141,6 @@ def _shown(table: Callable[[Data], pd.DataFrame | None], data: Data) -> Table | 
     rows = table(data)
     caption = "Every statement with its verdict and what was measured; one row for places in a talk that say the same."
     return None if rows is None else Table(rows[COLUMNS].drop_duplicates(), caption)
-
-
-# -- the studies -------------------------------------------------------------------------------------------------------
 
 
 #: Page -> further claims, on its figures.
