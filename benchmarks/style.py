@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import io
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     import numpy as np
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
@@ -156,6 +157,69 @@ def fit_legend(make: Callable[..., Legend], columns: int, width: float) -> None:
         if wide == 1 or legend.get_window_extent().width <= width:
             return
         legend.remove()
+
+
+def row(
+    parts: Iterable[tuple[object, Any]], draw: Callable[[Axes, Any], object], height: float, xlabel: str, ylabel: str,
+    *, legend: int = 0, grid: bool = True, **options: Any,
+) -> Figure:  # fmt: skip
+    """A row of panels, each with a title and what ``draw(axes, part)`` draws of its part: ``parts`` are (title, part).
+
+    ``legend`` are the columns of a legend of all panels above them; 0 for one of its own below each panel.  ``options``
+    are those of `panels`.
+    """
+    parts = [*parts]
+    figure, (beside,) = panels(1, len(parts), height, **options)
+    for axes, (title, part) in zip(beside, parts, strict=True):
+        draw(axes, part)
+        axes.set(title=title, xlabel=xlabel)
+        if grid:
+            axes.grid(color="0.93", linewidth=0.5)
+        if not legend:
+            below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2)}
+            make = functools.partial(axes.legend, *axes.get_legend_handles_labels(), **below)
+            fit_legend(make, 2, figure.bbox.width / len(parts))
+    beside[0].set_ylabel(ylabel)
+    if legend:
+        legend_above(figure, beside[0], legend)
+    return figure
+
+
+def curves(
+    by: str, x: str, y: str, names: Sequence[str] = (), *, order: str = "", sort: bool = True, most: int | None = None,
+    span: tuple[float | None, float | None] = (None, None), level: float | None = None,
+) -> Callable[[Axes, pd.DataFrame], None]:  # fmt: skip
+    """What draws a log-log curve y over x for each value of the column ``by``, at most ``most`` of them.
+
+    ``names`` are these values; by default they are those of the rows, in the order of their least ("min") or largest
+    ("max") y if ``order`` says so.  Without ``sort`` a curve joins its rows as they stand.  Values of y beyond ``span``
+    (low, high) are drawn at its ends; ``level`` is the y of a grey line.
+    """
+
+    def draw(axes: Axes, rows: pd.DataFrame) -> None:
+        found = rows.groupby(by)[y].agg(order).sort_values().index if order else rows[by].unique()
+        for k, name in enumerate([*(names or found)][:most]):
+            own = rows[rows[by] == name]
+            own = own.sort_values(x) if sort else own
+            axes.loglog(own[x], own[y].clip(*span), label=name, **curve(k))
+        if level is not None:
+            axes.axhline(level, color=GREY, linewidth=0.8)
+
+    return draw
+
+
+def grid(
+    titles: Sequence[str], columns: int, height: float, xlabel: str, ylabel: str, **options: Any
+) -> tuple[Figure, dict[str, Axes]]:
+    """A figure with a panel for each title, in so many columns, and its axes by title."""
+    figure, made = panels(-(-len(titles) // columns), columns, height, **options)
+    for axes in made.flat[len(titles) :]:
+        axes.set_axis_off()
+    for axes in made[-1]:
+        axes.set_xlabel(xlabel)
+    for axes in made[:, 0]:
+        axes.set_ylabel(ylabel)
+    return figure, dict(zip(titles, made.flat, strict=False))
 
 
 def decades(axes: Axes) -> None:

@@ -30,16 +30,8 @@ def long_runs(rows: pd.DataFrame) -> pd.DataFrame:
     if "kind" in part:
         part = part[part["kind"] == OURS]
     part = part[part["status"] != "skipped"].copy()
-    wanted = (
-        "energy_max",
-        "energy_end",
-        "energy_drift",
-        "energy_drift_low",
-        "energy_drift_high",
-        "angular-momentum_max",
-        "fallbacks",
-    )
-    for column in wanted:
+    drift = ("energy_drift", "energy_drift_low", "energy_drift_high")
+    for column in ("energy_max", "energy_end", *drift, "angular-momentum_max", "fallbacks"):
         if column not in part:
             part[column] = np.nan
     return part.assign(declared=[BY_ID[i].energy if i in BY_ID else "" for i in part["id"]])

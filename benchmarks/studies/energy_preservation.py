@@ -13,9 +13,8 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import root_scan
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.page import Table, of
-from phasebench.benchmarks.page.shared import most, total
+from phasebench.benchmarks.page.shared import most, picture, total
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.page.verdict import NONE, Count, at_most
 from phasebench.benchmarks.problems import problem as problem_of
@@ -88,12 +87,12 @@ def missed(rows: pd.DataFrame) -> Count | None:
     return Count(int(rows["scan finds a root within the radius"].sum()), scanned) if scanned else None
 
 
-@panels.picture(
+@picture(
     TABLE, "energy_preservation", "energy errors over the step",
     "Largest energy error to t = 1000 over the step size, on steps with and without a root, beside that of the "
     "implicit midpoint rule.",
 )  # fmt: skip
-def _draw(frame: pd.DataFrame) -> panels.Figure:
+def _draw(frame: pd.DataFrame) -> style.Figure:
     shown = {
         "Scheme IV, steps with a root": ("scheme-iv", WITH),
         "Scheme V, steps with a root": ("scheme-v", WITH),
@@ -101,13 +100,13 @@ def _draw(frame: pd.DataFrame) -> panels.Figure:
         "implicit midpoint": ("scheme-iv", "implicit midpoint's energy error"),
     }
 
-    def curves(axes: panels.Axes, rows: pd.DataFrame) -> None:
+    def curves(axes: style.Axes, rows: pd.DataFrame) -> None:
         for k, (label, (scheme, column)) in enumerate(shown.items()):
             part = rows[rows["scheme"] == scheme].sort_values("h")
             axes.loglog(part["h"], part[column], label=label, **style.curve(k))
 
     problems = frame.groupby("problem", sort=False)
-    return panels.row(problems, curves, 3.0, "$h$", "largest energy error", legend=2, sharey=True)
+    return style.row(problems, curves, 3.0, "$h$", "largest energy error", legend=2, sharey=True)
 
 
 SAME = ("problem", "scheme", "h", "steps", "without a root")

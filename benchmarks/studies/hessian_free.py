@@ -18,7 +18,7 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.drift import drift
-from phasebench.benchmarks.page import panels
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Runs, Shown, Study, over
 from phasebench.benchmarks.page.verdict import EVERY, at_least, at_most
 from phasebench.benchmarks.problems import problem as problem_of
@@ -110,12 +110,12 @@ def ratios(rows: pd.DataFrame) -> pd.Series:
     return (free["spread"] / free[PARTNER].map(spread)).dropna()
 
 
-@panels.picture(
+@picture(
     CHAOTIC, "hessian_free", "changes of the energy",
     f"Mean change of the energy of {ORBITS} chaotic orbits over a run, in units of the spread with the Hessian, with "
     "95 % intervals; the axis is linear between −1 and 1.",
 )  # fmt: skip
-def _draw(frame: pd.DataFrame) -> panels.Figure:
+def _draw(frame: pd.DataFrame) -> style.Figure:
     rows, by = frame.query(FREE), frame.set_index("method")
     rows = rows[rows[PARTNER].isin(frame["method"])]
     unit = rows[PARTNER].map(by["spread"]).to_numpy()

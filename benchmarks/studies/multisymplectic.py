@@ -17,8 +17,8 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import box_laws, metrics
 from phasebench.benchmarks.measure.box_laws import ENERGY, FOLLOWS, MOMENTUM, TWO_FORM
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.problems import klein_gordon, nls
 from phasebench.benchmarks.store.cells import ProblemKey
@@ -147,12 +147,12 @@ def energy_kept(rows: pd.DataFrame) -> pd.Series:
     return rows["cell energy kept"].where(rows["keeps"] == "cell", rows["total energy error"] <= KEPT).astype(bool)
 
 
-@panels.picture(
+@picture(
     TABLE, "multisymplectic", "residuals of local laws",
     f"Largest residuals over all cells of space-time, {CELLS[0]} cells in space: of the multisymplectic law (above, "
     "relative to its largest term) and of the energy law (below).",
 )  # fmt: skip
-def _draw(frame: pd.DataFrame) -> panels.Figure | None:
+def _draw(frame: pd.DataFrame) -> style.Figure | None:
     rows = frame[(frame["status"] == OK) & (frame["falls"] == IN_TIME)]
     if rows.empty:
         return None

@@ -17,10 +17,9 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import Table, of
-from phasebench.benchmarks.page.shared import most
+from phasebench.benchmarks.page.shared import most, picture
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.page.verdict import at_least
 from phasebench.benchmarks.problems import problem
@@ -133,14 +132,14 @@ def _answer(frame: pd.DataFrame, found: pd.DataFrame) -> str:
     return f"{text}; {len(others)} of {len(found)} lose it, from hω = {number(others['first lost at hω/π'].min())}π."
 
 
-@panels.picture(
+@picture(
     TABLE, "oscillatory", "errors of H and I against hω/π",
     "Greatest errors of H (solid) and of the oscillatory energy I (dashed) against hω/π; triangles: no finite end, a "
     f"step refused, or an error of H above {number(LIMITS[1])}. Grey lines: hω is a multiple of π.",
 )  # fmt: skip
-def _draw(frame: pd.DataFrame) -> panels.Figure:
+def _draw(frame: pd.DataFrame) -> style.Figure:
     shared = {"sharex": True, "sharey": True}
-    figure, by_method = panels.grid(frame["method"].unique(), 3, 6.4, r"$h\omega/\pi$", "greatest error", **shared)
+    figure, by_method = style.grid(frame["method"].unique(), 3, 6.4, r"$h\omega/\pi$", "greatest error", **shared)
     for name, axes in by_method.items():
         part = frame[frame["method"] == name].sort_values(RATIO)
         axes.semilogy(part[RATIO], part[OSCILLATORY], linewidth=1.0, color=style.ORANGE, linestyle="--", zorder=2)

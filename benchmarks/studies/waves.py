@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.page import panels
+from phasebench.benchmarks import style
 from phasebench.benchmarks.page.page import ROWS, Table, of
-from phasebench.benchmarks.page.shared import most
+from phasebench.benchmarks.page.shared import most, picture
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.page.verdict import EVERY, at_most
 from phasebench.benchmarks.problems import problem as problem_of
@@ -75,18 +75,18 @@ def _seconds(run: Callable[[], object]) -> float:
     return time.perf_counter() - begin
 
 
-@panels.picture(
+@picture(
     TABLE, "waves", "energy error against time",
     "Largest energy error, on steps with a root, over the seconds of the integration; the marks of a curve are its "
     "step sizes.",
 )  # fmt: skip
-def _draw(frame: pd.DataFrame) -> panels.Figure | None:
+def _draw(frame: pd.DataFrame) -> style.Figure | None:
     ran = frame[frame["status"] == OK]
     if ran.empty:
         return None
-    of_method = panels.curves("method", "seconds", "energy error", ran["method"].unique(), span=(1e-17, None))
+    of_method = style.curves("method", "seconds", "energy error", ran["method"].unique(), span=(1e-17, None))
     problems, text = ran.groupby("problem", sort=False), ("warm integration (s)", "energy error")
-    return panels.row(problems, of_method, 3.2, *text, legend=4, sharey=True)
+    return style.row(problems, of_method, 3.2, *text, legend=4, sharey=True)
 
 
 COLUMNS = {

@@ -18,9 +18,9 @@ from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.conservation import energy_error
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.timing import NOWHERE, OURS, PEERS, TIED, Median, cheaper, in_turns, median, ratio
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture, together
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import at_least, at_most
 from phasebench.benchmarks.problems import problem as problem_of
@@ -169,9 +169,9 @@ def vectors(rows: pd.DataFrame) -> str:
     return f"{': '.join(['WHFast512 did not run here', *reasons[:1]]).rstrip('.')}."
 
 
-@panels.picture(EQUAL, "wisdom_holman", "energy error against time")
-def _draw_pairs(rows: pd.DataFrame) -> tuple[panels.Figure, str]:
-    def curves(axes: panels.Axes, part: pd.DataFrame) -> None:
+@picture(EQUAL, "wisdom_holman", "energy error against time")
+def _draw_pairs(rows: pd.DataFrame) -> tuple[style.Figure, str]:
+    def curves(axes: style.Axes, part: pd.DataFrame) -> None:
         for k, (method, pair) in enumerate(part.groupby("method", sort=False)):
             look = style.curve(k)
             theirs = {"linestyle": ":", "marker": look["marker"], "markerfacecolor": "none", "color": look["color"]}
@@ -182,16 +182,16 @@ def _draw_pairs(rows: pd.DataFrame) -> tuple[panels.Figure, str]:
         "The same splittings: filled marks are this project's, open marks on dotted lines REBOUND's. Early positions "
         f"of a pair differ by at most {number(rows['distance of early positions'].max())} of the orbit's size."
     )
-    return panels.row(rows.groupby("problem", sort=False), curves, 3.0, *AXES, legend=3, sharey=True), caption
+    return style.row(rows.groupby("problem", sort=False), curves, 3.0, *AXES, legend=3, sharey=True), caption
 
 
-@panels.picture(ALL, "wisdom_holman-fronts", "the fronts of both")
-def _draw_fronts(rows: pd.DataFrame) -> tuple[panels.Figure, str] | None:
+@picture(ALL, "wisdom_holman-fronts", "the fronts of both")
+def _draw_fronts(rows: pd.DataFrame) -> tuple[style.Figure, str] | None:
     ran = rows[(rows["status"] == OK) & rows[COST].notna()]
     if ran.empty:
         return None
 
-    def fronts(axes: panels.Axes, part: pd.DataFrame) -> None:
+    def fronts(axes: style.Axes, part: pd.DataFrame) -> None:
         for k, (label, side) in enumerate((("phasebench", part["kind"] == OWN), ("REBOUND", part["kind"] != OWN))):
             found = part[side].sort_values(COST)
             best = found[found[ERROR] < found[ERROR].cummin().shift(fill_value=float("inf"))]
@@ -201,7 +201,7 @@ def _draw_fronts(rows: pd.DataFrame) -> tuple[panels.Figure, str] | None:
         "All splittings, settings and steps: of each side those that no other of it beats in both error and time. "
         f"{vectors(rows)}"
     )
-    return panels.row(ran.groupby("problem", sort=False), fronts, 3.0, *AXES, legend=3, sharey=True), caption
+    return style.row(ran.groupby("problem", sort=False), fronts, 3.0, *AXES, legend=3, sharey=True), caption
 
 
 @of(cheapest)
@@ -274,7 +274,7 @@ STUDY = Study(
                        rows="status == 'ok'"),
         "time": Claim("Every step takes a time", ALL, f"`{LOW}` > 0", rows="status == 'ok'"),
     },
-    figure=panels.together(_draw_pairs, _draw_fronts),
+    figure=together(_draw_pairs, _draw_fronts),
     shown=_table,
     whole=of(ALL)(lambda rows: rows.reindex(columns=["problem", "method", "h", ERROR, COST, LOW, HIGH, "status"])),
     limits=(

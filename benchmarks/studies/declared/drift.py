@@ -8,10 +8,10 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.drift import ABOVE, LINES, SLOWEST
 from phasebench.benchmarks.measure.drift_coverage import DRAWN, KINDS, SERIES, SURE, coverage
 from phasebench.benchmarks.measure.metrics import CONFIDENCE
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.long_runs import NOISE, completed_runs
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Data, Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Runs, Study, rows_of
 from phasebench.benchmarks.page.verdict import EVERY, Between, Range, at_least
 from phasebench.integrators.record import BOUNDED, DRIFT
@@ -73,13 +73,13 @@ def _answer(data: Data) -> str | None:
     return f"A drift's 95 % interval {', and '.join(parts)}." if parts else None
 
 
-@panels.picture(
+@picture(
     TABLE, "drift", "coverage of the intervals",
     f"Coverage of the true drift over the number of periods; grey: {KIND_LEAST:.0%} to {MOST:.0%}; dotted: {SLOWEST} "
     "periods, below which no oscillation is fitted; crosses: the least coverage of the line through all points.",
 )  # fmt: skip
-def _draw(frame: pd.DataFrame) -> panels.Figure:
-    def coverages(axes: panels.Axes, here: pd.DataFrame) -> None:
+def _draw(frame: pd.DataFrame) -> style.Figure:
+    def coverages(axes: style.Axes, here: pd.DataFrame) -> None:
         axes.axhspan(KIND_LEAST, MOST, color="0.9")
         for k, kind in enumerate(frame["kind"].unique()):
             part = here[here["kind"] == kind].sort_values("periods")
@@ -92,7 +92,7 @@ def _draw(frame: pd.DataFrame) -> panels.Figure:
 
     lengths = [(f"{points} points", part) for points, part in frame.groupby("points")]
     text = "periods in the whole time", "share of intervals that cover"
-    return panels.row(lengths, coverages, 3.3, *text, legend=3, grid=False, sharey=True)
+    return style.row(lengths, coverages, 3.3, *text, legend=3, grid=False, sharey=True)
 
 
 @of(TABLE)

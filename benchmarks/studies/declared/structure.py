@@ -10,9 +10,9 @@ from phasebench.benchmarks.judge.evidence import NO_DEFECT
 from phasebench.benchmarks.measure import declared
 from phasebench.benchmarks.measure.declared import HIGH, NEARLY, PROPERTIES, least_visible
 from phasebench.benchmarks.measure.multiprecision import DIGITS, methods
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.page.verdict import EVERY, NONE, at_most
 from phasebench.benchmarks.store.cells import UNCOMPILED
@@ -53,14 +53,14 @@ def _answer(rows: pd.DataFrame) -> str:
     return f"In arithmetic of {DIGITS} digits step maps are as declared: {join_list(counts, len(counts))}."
 
 
-@panels.picture(
+@picture(
     TABLE, "structure", "defects of the step maps",
     f"Defects of the step maps in {DIGITS} digits, the largest over the systems; dashed: {NO_DEFECT:g}, below which a "
     f"defect is of the stage solver and the differences; zeros are drawn at {FLOOR:g}. Methods of high order that lack "
     "a property may be below the line, too.",
 )  # fmt: skip
-def _draw(rows: pd.DataFrame) -> panels.Figure:
-    def defects(axes: panels.Axes, part: pd.DataFrame) -> None:
+def _draw(rows: pd.DataFrame) -> style.Figure:
+    def defects(axes: style.Axes, part: pd.DataFrame) -> None:
         first = 0
         for k, (known, label) in enumerate(((True, "declared"), (False, "not declared"))):
             defect = np.sort(part[part["declared"] == known]["defect"].clip(lower=FLOOR))
@@ -72,7 +72,7 @@ def _draw(rows: pd.DataFrame) -> panels.Figure:
 
     parts = [(name, part) for name in PROPERTIES if len(part := rows[rows["property"] == name])]
     text = "methods, by defect", "defect of one step"
-    return panels.row(parts, defects, 3.0, *text, legend=2, grid=False, sharey=True)
+    return style.row(parts, defects, 3.0, *text, legend=2, grid=False, sharey=True)
 
 
 @of(TABLE)

@@ -8,10 +8,9 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.ladder.choice import SPAN
 from phasebench.benchmarks.measure import timing
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import of
-from phasebench.benchmarks.page.shared import worst
+from phasebench.benchmarks.page.shared import picture, together, worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Shown, Study, over
 from phasebench.benchmarks.page.verdict import EVERY, NONE, Between, at_least, at_most
 from phasebench.benchmarks.store.arrays import unpack
@@ -54,8 +53,8 @@ def nearly(rows: pd.DataFrame) -> Between:
     return at_least(min([WANTED * int(rows["cores"].max()), *(OF_BARE * bare)]))
 
 
-@panels.picture(maps.TABLE, "ensembles", "maps of Henon-Heiles")
-def _draw_maps(frame: pd.DataFrame) -> tuple[panels.Figure, str]:
+@picture(maps.TABLE, "ensembles", "maps of Henon-Heiles")
+def _draw_maps(frame: pd.DataFrame) -> tuple[style.Figure, str]:
     section, grid = (frame[frame["map"] == name].sort_values("line") for name in (maps.SECTION, maps.GRID))
     figure, ((left, right),) = style.panels(1, 2, 3.4, sharey=True)
     for k, row in enumerate(section.itertuples()):
@@ -76,14 +75,14 @@ def _draw_maps(frame: pd.DataFrame) -> tuple[panels.Figure, str]:
     )
 
 
-@panels.picture(
+@picture(
     against.TABLE, "ensembles-costs", "cost against error",
     f"The worst orbit's error at t = {against.T_END:g} over the time of an orbit, on one core.",
 )  # fmt: skip
-def _draw_costs(frame: pd.DataFrame) -> panels.Figure:
+def _draw_costs(frame: pd.DataFrame) -> style.Figure:
     names, reached = frame["integrator"].unique(), frame[frame["error"] > 0].groupby("problem", sort=False)
-    of_each = panels.curves("integrator", "us", "error", names, sort=False, most=9)
-    figure = panels.row(reached, of_each, 3.0, "µs an orbit", "error of the worst orbit", legend=4)
+    of_each = style.curves("integrator", "us", "error", names, sort=False, most=9)
+    figure = style.row(reached, of_each, 3.0, "µs an orbit", "error of the worst orbit", legend=4)
     for axes in figure.axes:
         axes.set_ylim(1e-15, 10)
     return figure
@@ -140,7 +139,7 @@ STUDY = Study(
         "energy": Claim("States on the section have the energy of the start", maps.TABLE, "`energy error`",
                         at_most(1e-5), rows=f"map == '{maps.SECTION}'"),
     },
-    figure=panels.together(_draw_maps, _draw_costs),
+    figure=together(_draw_maps, _draw_costs),
     shown=Shown(
         lanes.TABLE,
         ("problem", "method", "in lanes", "ns scalar", "ns ensemble", "gain", "gain, low", "gain, high",

@@ -16,10 +16,11 @@ import mpmath
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import ProblemKey, Unavailable, states
@@ -192,29 +193,29 @@ def _answer(rows: pd.DataFrame) -> str:
     return f"Steps needed for an error of {HELD:g} after close encounters: {'; '.join(parts)}."
 
 
-@panels.picture(
+@picture(
     TABLE, "extremes-meetings", "other close encounters",
     "The error over the number of steps, with ever smaller steps until it is below the grey line; at the top: the "
     "orbit is lost. At most nine integrators a panel.",
 )  # fmt: skip
-def draw(rows: pd.DataFrame) -> panels.Figure:
+def draw(rows: pd.DataFrame) -> style.Figure:
     """The error at the end over the number of steps, a panel for each scene."""
-    of_method = panels.curves("method", "steps", "error", order="min", most=9, span=(1e-14, 10), level=HELD)
-    return panels.row(rows.groupby("scene", sort=False), of_method, 3.8, "steps", "error at the end", grid=False)
+    of_method = style.curves("method", "steps", "error", order="min", most=9, span=(1e-14, 10), level=HELD)
+    return style.row(rows.groupby("scene", sort=False), of_method, 3.8, "steps", "error at the end", grid=False)
 
 
-@panels.picture(
+@picture(
     KEPLER, "extremes-encounters", "close encounters",
     f"Kepler, {ORBITS} orbits: the first error below {HELD:g}, else the least, on a ladder of steps or tolerances; "
     "what is lost altogether stands at the top. At most nine integrators a panel.",
 )  # fmt: skip
-def draw_kepler(rows: pd.DataFrame) -> panels.Figure:
+def draw_kepler(rows: pd.DataFrame) -> style.Figure:
     """Each integrator's error on Kepler orbits over 1 - e, e the eccentricity."""
     rows = rows.assign(near=1 - rows["e"])
     fixed = rows["kind"] == FIXED_STEPS
     parts = ("fixed steps", rows[fixed]), ("adaptive or transformed", rows[~fixed])
-    of_method = panels.curves("method", "near", "error", order="max", most=9, span=(1e-16, 10), level=HELD)
-    figure = panels.row(parts, of_method, 4.0, "1 − e", "relative error", grid=False, sharey=True)
+    of_method = style.curves("method", "near", "error", order="max", most=9, span=(1e-16, 10), level=HELD)
+    figure = style.row(parts, of_method, 4.0, "1 − e", "relative error", grid=False, sharey=True)
     for axes in figure.axes:
         axes.invert_xaxis()
     return figure

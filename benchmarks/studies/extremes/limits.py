@@ -22,10 +22,9 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.linear_stability import radius
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Table, of
-from phasebench.benchmarks.page.shared import total
+from phasebench.benchmarks.page.shared import picture, total
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.page.verdict import at_most
 from phasebench.benchmarks.problems import problem
@@ -210,12 +209,12 @@ def pieces(text: str | float) -> list[tuple[float, float]]:
     return [(float(a), float(b) if b else math.inf) for a, b in parts]
 
 
-@panels.picture(
+@picture(
     LINEAR, "extremes-intervals", "stable steps",
     "Stable steps on the harmonic oscillator of the methods with the most gaps between stable intervals; blue: "
     "symplectic, orange: not. The first gap of some is narrower than a line.",
 )  # fmt: skip
-def draw(rows: pd.DataFrame) -> panels.Figure:
+def draw(rows: pd.DataFrame) -> style.Figure:
     """The stable intervals of h omega, for the methods with the most gaps between them."""
     known = rows[rows["intervals"].notna() & np.isfinite(rows["limit"]) & ~rows["label"].str.contains("lam=")]
     shown = known.sort_values(["gaps", "limit"], ascending=False).head(BARS).sort_values("limit")

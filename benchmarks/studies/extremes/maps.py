@@ -30,7 +30,7 @@ import sympy as sp
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import linear_stability
-from phasebench.benchmarks.page import panels
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Runs, over
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
@@ -175,23 +175,23 @@ def _tableau(id: str) -> tuple[np.ndarray, np.ndarray]:
     return np.array(rows, float), np.array(weights, float)
 
 
-@panels.picture(
+@picture(
     STIFFNESS, "extremes-stiffness", "stiffness",
     f"FPU: the largest change of the oscillatory energy in {STEPS} steps; grey: {CLIFF:g}, the cliff.",
 )  # fmt: skip
-def draw_stiffness(rows: pd.DataFrame) -> panels.Figure:
+def draw_stiffness(rows: pd.DataFrame) -> style.Figure:
     """The largest change of the oscillatory energy of the Fermi-Pasta-Ulam problem over h omega."""
     omegas = sorted(rows["omega"].unique())
     parts = [(f"ω = {w:g}", rows[rows["omega"] == w]) for w in omegas[1::2] or omegas]
-    of_method = panels.curves("method", "h omega", "I changes", most=9, span=(1e-12, 1e2), level=CLIFF)
-    return panels.row(parts, of_method, 3.4, "h ω", "largest change of I / I₀", legend=4, grid=False, sharey=True)
+    of_method = style.curves("method", "h omega", "I changes", most=9, span=(1e-12, 1e2), level=CLIFF)
+    return style.row(parts, of_method, 3.4, "h ω", "largest change of I / I₀", legend=4, grid=False, sharey=True)
 
 
-@panels.picture(
+@picture(
     SOLVERS, "extremes-solvers", "solvers at the edge",
     f"How {SHORT} steps go: the pendulum over (h, λ), Kepler over (h, e).",
 )  # fmt: skip
-def draw_solvers(rows: pd.DataFrame) -> panels.Figure:
+def draw_solvers(rows: pd.DataFrame) -> style.Figure:
     """How implicit equations were solved, or not, over h and a method's lambda or the eccentricity e."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
@@ -210,12 +210,12 @@ def draw_solvers(rows: pd.DataFrame) -> panels.Figure:
     return figure
 
 
-@panels.picture(
+@picture(
     RESONANCES, "extremes-resonances", "two frequencies",
     "Two coupled oscillators: black where a step multiplies, white where it is stable; Stormer-Verlet ends at "
     "h ω = 2, a split coupling resonates about h (ω₁ + ω₂) = 2πk, filters take the resonances away.",
 )  # fmt: skip
-def draw_resonances(rows: pd.DataFrame) -> panels.Figure:
+def draw_resonances(rows: pd.DataFrame) -> style.Figure:
     """A step's growth factor over the two frequencies of coupled oscillators."""
     parts = rows.groupby("method", sort=False)
     figure, (row,) = style.panels(1, len(parts), 2.3, sharey=True)
@@ -231,12 +231,12 @@ def draw_resonances(rows: pd.DataFrame) -> panels.Figure:
     return figure
 
 
-@panels.picture(
+@picture(
     REGIONS, "extremes-regions", "stability regions",
     "Boundaries |R(z)| = 1 of Runge-Kutta methods: stable within the curve of an explicit method, outside "
     "that of a Radau method, left of the axis for Gauss; the upper half plane.",
 )  # fmt: skip
-def draw_regions(rows: pd.DataFrame) -> panels.Figure:
+def draw_regions(rows: pd.DataFrame) -> style.Figure:
     """The boundaries |R(z)| = 1 of the stability regions of Runge-Kutta methods in the complex plane."""
     x, y = np.meshgrid(np.linspace(-7.5, 12, 391), np.linspace(0, 8, 161))
     figure, ((axes,),) = style.panels(1, 1, 3.0)

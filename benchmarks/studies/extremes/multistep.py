@@ -22,9 +22,9 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.drift import drift
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
 from phasebench.benchmarks.page.verdict import Count
 from phasebench.benchmarks.problems import problem
@@ -245,14 +245,14 @@ def _table(rows: pd.DataFrame) -> Table:
     return Table(pd.DataFrame(out), caption)
 
 
-@panels.picture(
+@picture(
     judged, "extremes-multistep", "unstable steps on Kepler's orbit",
     f"Kepler, {ORBITS} orbits: the factor by which the largest energy error exceeds that at first; below, where "
     "the linear theory about the orbit is unstable.",
 )  # fmt: skip
-def _draw(rows: pd.DataFrame) -> panels.Figure:
+def _draw(rows: pd.DataFrame) -> style.Figure:
     methods = rows["method"].unique()
-    figure, by_method = panels.grid(methods, 2, 4.9, "steps an orbit", "growth of the energy error")
+    figure, by_method = style.grid(methods, 2, 4.9, "steps an orbit", "growth of the energy error")
     for id, axes in by_method.items():
         for e, colour in zip(ECCENTRICITIES, (style.ORANGE, style.BLUE), strict=True):
             own = rows[(rows["method"] == id) & (rows["e"] == e)]

@@ -20,7 +20,8 @@ import numpy as np
 import pandas as pd
 import sympy as sp
 
-from phasebench.benchmarks.page import panels
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Runs, over
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store.cells import ProblemKey
@@ -199,15 +200,15 @@ def swept(method: str, orbit: str) -> list[dict]:
     return rows
 
 
-@panels.picture(
+@picture(
     SWEPT, "extremes-lambda", "largest steps over lambda",
     "The largest step of Schemes I to III that survives, over λ from −1000 to 1000.",
 )  # fmt: skip
-def draw(rows: pd.DataFrame) -> panels.Figure:
+def draw(rows: pd.DataFrame) -> style.Figure:
     """The largest surviving step of Schemes I to III over their parameter lambda, a panel for each orbit."""
     parts = rows.replace({"largest h": {0: np.nan, np.inf: np.nan}}).groupby("orbit", sort=False)
-    of_method = panels.curves("method", "lam", "largest h", most=9)
-    figure = panels.row(parts, of_method, 2.8, "λ", "largest h", legend=3, grid=False, sharey=True)
+    of_method = style.curves("method", "lam", "largest h", most=9)
+    figure = style.row(parts, of_method, 2.8, "λ", "largest h", legend=3, grid=False, sharey=True)
     for axes in figure.axes:
         axes.set_xscale("symlog", linthresh=1)
     return figure

@@ -26,10 +26,10 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import exact_maps
 from phasebench.benchmarks.measure.exact_maps import DIGITS, exact_matrix
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS as SHOWN
 from phasebench.benchmarks.page.page import Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.page.verdict import NONE, at_most
 from phasebench.benchmarks.problems import problem
@@ -369,21 +369,21 @@ def _drift(rows: pd.DataFrame) -> str:
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-@panels.picture(
+@picture(
     CURVES, "extremes-growth", "growth of round-off",
     f"Round-off of {STARTS} starts, on the oscillator where nothing else is said: Brouwer's law and what is measured. "
     "Only where the frequency depends on the energy does the phase's grow as n^1.5; next to fractions of small "
     "denominators it drifts.",
 )  # fmt: skip
-def draw(rows: pd.DataFrame) -> panels.Figure:
+def draw(rows: pd.DataFrame) -> style.Figure:
     """The rms round-off errors of energy and phase over the number of steps."""
     keys = [*zip(rows["label"], rows["h"], rows["steps"], strict=True)]
     names = [f"{label}, h = {named_step(h, 3)}" for label, h, _ in keys]
     rows = rows.assign(run=names, curve=[RUNS.get(key, {}).get("curve") for key in keys])
     rows, laws = rows.dropna(subset="curve").sort_values("curve"), {"energy": ENERGY, "phase": PHASE}
     of_each = [(f"{name}: dotted, ε h n^{law:g}", rows.assign(rms=rows[name])) for name, law in laws.items()]
-    of_run = panels.curves("run", "n", "rms", most=9)
-    figure = panels.row(of_each, of_run, 3.8, "steps", "rms error over the starts", legend=2, grid=False)
+    of_run = style.curves("run", "n", "rms", most=9)
+    figure = style.row(of_each, of_run, 3.8, "steps", "rms error over the starts", legend=2, grid=False)
     n = np.array([rows["n"].min(), rows["n"].max()], float)
     for axes, law in zip(figure.axes, laws.values(), strict=True):
         axes.loglog(n, EPS * STEP * n**law, color=style.GREY, linestyle=":")

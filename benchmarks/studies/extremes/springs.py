@@ -23,9 +23,9 @@ import sympy as sp
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import at_least
 from phasebench.benchmarks.problems.fpu import formula, soft_springs
@@ -240,14 +240,14 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-@panels.picture(
+@picture(
     TABLE, "extremes-springs", "two stiff springs",
     "FPU with two stiff springs: the drift of the energy that a step keeps between resonances, the darker the "
     "larger (each method on a scale of its own); below the diagonal the resonance lines of theory, red of order "
     f"{DRAWN}, blue of lower order.",
 )  # fmt: skip
-def _draw(table: pd.DataFrame) -> panels.Figure:
-    figure, by_method = panels.grid(table["method"].unique(), 3, 4.9, "h ω₁", "h ω₂")
+def _draw(table: pd.DataFrame) -> style.Figure:
+    figure, by_method = style.grid(table["method"].unique(), 3, 4.9, "h ω₁", "h ω₂")
     for id, axes in by_method.items():
         rows = table[table["method"] == id]
         last = rows.drop_duplicates("node 2").sort_values("node 2")

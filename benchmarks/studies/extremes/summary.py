@@ -7,9 +7,9 @@ from collections import Counter
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import together
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.page.verdict import at_least, at_most
 from phasebench.benchmarks.store.cells import ProblemKey
@@ -126,7 +126,7 @@ STUDY = Study(
             rows=f"kind == '{encounters.ADAPTIVE}' and e <= {HARD}",
         ),
     },
-    figure=panels.together(*FIGURES),
+    figure=together(*FIGURES),
     shown=_table,
     whole=of(limits.LINEAR)(lambda linear: linear.drop(columns="method")),
     tables=(

@@ -9,10 +9,9 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.timing import OURS, PEERS, TIED, Median, cheaper
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Table, of
-from phasebench.benchmarks.page.shared import worst
+from phasebench.benchmarks.page.shared import picture, together, worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import NONE, at_least, at_most
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey
@@ -108,12 +107,12 @@ def _settings_tried(rows: pd.DataFrame) -> str:
     return f" Settings of peers, their time to {TRIED_TO:g} over the best one's: {'; '.join(parts)}." if parts else ""
 
 
-@panels.picture(
+@picture(
     GROWTH, "kepler-errors", "errors over the orbits",
     f"{TITLES[PROBLEMS[-1]]}: the greatest error so far over the number of orbits; methods of high order at {STANDARD} "
     "steps an orbit, or adaptive.",
 )  # fmt: skip
-def _draw_errors(rows: pd.DataFrame) -> panels.Figure | None:
+def _draw_errors(rows: pd.DataFrame) -> style.Figure | None:
     rows = rows[(rows["problem"] == PROBLEMS[-1]) & (rows["group"] == "high order")]
     rows = rows[rows["setting"].isin([f"{STANDARD} steps", "adaptive"])]
     columns, names = sorted(rows["e"].unique()), list(dict.fromkeys(rows["method"]))
@@ -123,7 +122,7 @@ def _draw_errors(rows: pd.DataFrame) -> panels.Figure | None:
     for row, (quantity, label) in zip(axes, QUANTITIES.items(), strict=True):
         for ax, e in zip(row, columns, strict=True):
             part = rows[rows["e"] == e]
-            panels.curves("method", "orbits", quantity, names, span=(FLOOR, None))(ax, part)
+            style.curves("method", "orbits", quantity, names, span=(FLOOR, None))(ax, part)
             ax.grid(color="0.9", linewidth=0.5)
             if not np.isfinite(part[quantity]).any():
                 ax.text(0.5, 0.5, "undefined\non a circle", transform=ax.transAxes, ha="center", va="center")
@@ -146,16 +145,16 @@ def _fastest(rows: pd.DataFrame, most: int) -> list[str]:
     return sorted(wins.unique(), key=lambda name: -(wins == name).sum())[:most]
 
 
-@panels.picture(COST, "kepler-cost", "error against time")
-def _draw_costs(rows: pd.DataFrame) -> tuple[panels.Figure, str] | None:
+@picture(COST, "kepler-cost", "error against time")
+def _draw_costs(rows: pd.DataFrame) -> tuple[style.Figure, str] | None:
     rows = rows[rows["status"] == OK]
     if rows.empty:
         return None
     shown = [*_fastest(rows[rows["kind"] == OWN], 4), *_fastest(rows[rows["kind"] != OWN], 3)]
     shown += [m for m in ("stormer-verlet", "scipy-dop853-numba") if m in set(rows["method"]) and m not in shown]
-    of_method = panels.curves("method", "seconds", "error", shown, span=(FLOOR, None))
+    of_method = style.curves("method", "seconds", "error", shown, span=(FLOOR, None))
     problems, text = rows.groupby("problem", sort=False), ("warm integration (s)", "error at the end, maximum norm")
-    return panels.row(problems, of_method, 3.6, *text, legend=3, sharex=True, sharey=True), (
+    return style.row(problems, of_method, 3.6, *text, legend=3, sharex=True, sharey=True), (
         f"Error of the state after {rows['orbits'].max():g} orbits at e = {rows['e'].max():g} over the seconds of a "
         f"warm run; {len(shown)} methods: the fastest of each side, and two usual ones.{_settings_tried(rows)}"
     )
@@ -257,7 +256,7 @@ STUDY = Study(
             rows="`us per orbit` == `us per orbit`",
         ),
     },
-    figure=panels.together(_draw_errors, _draw_costs),
+    figure=together(_draw_errors, _draw_costs),
     shown=_table,
     whole=of(ends)(lambda rows: rows.reindex(columns=[*KEY, *ENDS])),
     tables=(LONG, GROWTH, TIMES, COST),

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
 from phasebench.benchmarks.page.verdict import EVERY, at_least, at_most
 from phasebench.benchmarks.problems.models import ladders
@@ -50,13 +50,13 @@ def envelope(runs: pd.DataFrame, modelling: float) -> tuple[np.ndarray, np.ndarr
     return ordered["seconds"].to_numpy(float)[keep], (errors + modelling)[keep]
 
 
-@panels.picture(
+@picture(
     (MODELS, RUNS), "models", "models of each scene",
     "Sum of modelling and integration error over the time of a run, for the fastest runs of each model, numbered "
     "as in the table; a panel's last one is the full model. Where a curve is level, a more accurate integration "
     "gains nothing.",
 )  # fmt: skip
-def _draw(models: pd.DataFrame, runs: pd.DataFrame) -> panels.Figure:
+def _draw(models: pd.DataFrame, runs: pd.DataFrame) -> style.Figure:
     scenes = list(choice.scenes(models, runs))
     rows = -(-len(scenes) // COLUMNS)
     figure, panels = style.panels(rows, COLUMNS, 2.1 * rows)

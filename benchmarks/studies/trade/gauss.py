@@ -14,9 +14,9 @@ import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.ladder.competitors import FIRST
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Data, Table, of, once
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Study
 from phasebench.benchmarks.problems.questions import BY_ID as QUESTIONS
 from phasebench.integrators.families import parametric
@@ -100,11 +100,11 @@ def _answer(found: pd.DataFrame) -> str:
     return f"{text}, on the outer planets from {number(ever[PLANETS], 1)}." if PLANETS in ever else f"{text}."
 
 
-@panels.picture(
+@picture(
     ratios, "gauss-16", "Gauss of order 16 beside explicit methods",
     "Below the dotted line Gauss of order 16 is the faster; a grey line is a scene.",
 )  # fmt: skip
-def _draw(found: pd.DataFrame) -> panels.Figure:
+def _draw(found: pd.DataFrame) -> style.Figure:
     figure, ((axes,),) = style.panels(1, 1, 3.4)
     planets = found["scene"] == PLANETS
     for _, part in found[~planets].groupby("scene", sort=False):

@@ -19,9 +19,9 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.integrator import OURS as PROJECT
 from phasebench.benchmarks.measure.timing import OURS, PEERS
-from phasebench.benchmarks.page import panels
 from phasebench.benchmarks.page.markdown import join_list, number
 from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Study
 from phasebench.benchmarks.page.verdict import EVERY, at_least
 from phasebench.benchmarks.problems.questions import QUESTIONS
@@ -128,12 +128,12 @@ def _answer(found: pd.DataFrame) -> str:
     return f"{text}; in {len(certain)} beyond the times' scatter: {join_list(certain['scene'].unique(), 2)}."
 
 
-@panels.picture(
+@picture(
     (cases, above), "trade-ratios", "ours over the best peer",
     "Left: the share of the scenes in which ours takes no longer than the best peer (dotted: wanted). Right: "
     "the cases in which it takes longer, by the two factors of the ratio; on the line both take as long.",
 )  # fmt: skip
-def _draw(found: pd.DataFrame, slow: pd.DataFrame) -> panels.Figure:
+def _draw(found: pd.DataFrame, slow: pd.DataFrame) -> style.Figure:
     figure, ((left, right),) = style.panels(1, 2, 3.4)
     by = found.groupby("accuracy")
     for k, (label, column) in enumerate((("by its median", "ratio"), ("by its whole interval", "ratio high"))):
