@@ -110,17 +110,6 @@ def test_a_run_in_pieces_keeps_its_matrix(id):
     assert (integrate(system, id, h=1.0, steps=3, **BAND, **start).q[-1] == first).all()
 
 
-def test_a_step_ends_at_its_first_unsolved_substep():
-    (system, start), counts = lattice("toda", 21), []
-    for id, h, more in (("scheme-iii", 2e3, {"lam": 0.5}), ("implicit-midpoint", 1e3, {})):
-        run = prepare(system, id, parameters={"solver": "banded", **more}, **start)
-        q, _, code = run(h, 1)
-        assert code != run.SOLVED
-        assert np.isnan(q).all()
-        counts.append(run.counts["gradient"])
-    assert counts[0] == counts[1] > 0, "as many evaluations as a single failing substep"
-
-
 def test_explicit_steps_stay_explicit():
     system, start = lattice("toda")
     (explicit, end), (same, other) = (

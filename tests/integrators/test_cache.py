@@ -255,15 +255,6 @@ def holder():
         process.join()
 
 
-def test_a_second_process_waits_and_finds_the_entry(place):
-    with holder() as (_, release):
-        with cache.hold_lock("b.py"):
-            assert cache.read("a.py") is None, "another entry is not waited for"
-        release.set()
-        with cache.hold_lock("a.py"):
-            assert cache.read("a.py") == SEVERAL
-
-
 def test_nobody_waits_for_a_killed_process_or_an_entry_that_is_there(place, monkeypatch):
     with holder():
         cache.write("a.py", SEVERAL)
@@ -351,17 +342,6 @@ def test_what_was_longest_unused_is_evicted_first(place, monkeypatch):
     assert foreign.exists()
     cache.clear()
     assert (place.exists(), foreign.exists()) == (False, True)
-
-
-def test_a_look_at_all_entries_is_taken_once_an_hour(place, monkeypatch):
-    looks = []
-    monkeypatch.setattr(cache, "evict", lambda: looks.append(len(looks)))
-    for age, taken in ((0, 1), (0, 1), (2 * cache.STALE_AFTER, 2)):
-        if looks:
-            os.utime(cache.root() / "evicted", (time.time() - age,) * 2)
-        cache._evict_once.cache_clear()
-        cache.write("a.py", SEVERAL)
-        assert len(looks) == taken
 
 
 def test_reading_counts_as_use(place):

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import phasebench as pb
-from phasebench.benchmarks.measure import step_map
 from phasebench.benchmarks.measure.battery import SYSTEMS, as_problem
-from phasebench.integrators import ConstrainedHamiltonian, InvalidInput, integrate, prepare
+from phasebench.integrators import ConstrainedHamiltonian, InvalidInput, integrate
 from phasebench.integrators.compile.codegen import TUPLE_LIMIT
 from phasebench.integrators.registry import BY_ID
 
@@ -49,31 +48,6 @@ def test_constraints_hold_to_round_off(id, name):
         assert np.abs(hidden).max() > 1e-5
 
 
-def defect(system, step, y):
-    def retract(x):
-        return np.concatenate(system.retract(x[: system.d], x[system.d :]))
-
-    return float(np.abs(step_map.restricted(step, retract, y, 1e-3)).max())
-
-
-def test_control_a_projected_runge_kutta_method_is_not_symplectic_on_the_manifold():
-    problem = as_problem("on-sphere")
-    system, y = problem.system, np.array([*problem.q0, *problem.p0])
-
-    def step(id):
-        run = prepare(problem, id)
-
-        def map(x):
-            q, p, _ = run(0.25, 1, x[:3], x[3:])
-            return np.concatenate(system.retract(q, p))
-
-        return map
-
-    assert defect(system, step("rattle"), y) < 1e-10
-    assert defect(system, step("lobatto-iiia-iiib-constrained-4"), y) < 1e-10
-    assert defect(system, step("rk4"), y) > 1e-7
-
-
 def test_energy_stays_bounded_where_an_ordinary_method_drifts():
     problem = as_problem("on-sphere")
     s = integrate(problem, "rattle", h=0.1, steps=20_000, save_every=10)
@@ -81,13 +55,6 @@ def test_energy_stays_bounded_where_an_ordinary_method_drifts():
     assert s.status == "ok"
     assert error[1000:].max() < 1.1 * error[:1000].max()
     assert integrate(problem, "rk4", h=0.1, steps=40_000, save_every=10).status == "diverged"
-
-
-def test_what_rounding_loses_of_a_step_is_carried_to_the_next():
-    """Short steps keep the angular momentum about the axis to round-off."""
-    s = integrate(on_sphere(), "rattle", h=1e-3, steps=100_000, save_every=1000, q0=Q0, p0=P0)
-    L = s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0]
-    assert np.abs(L - L[0]).max() < 2e-15
 
 
 # -- the index-reduced system ------------------------------------------------------------------------------------------

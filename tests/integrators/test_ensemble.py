@@ -13,10 +13,9 @@ from llvmlite.binding import ffi
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, batches, driver, trajectory
-from phasebench.integrators.driver import COLLISION, DIVERGED, INVALID, NOT_CONVERGED, OK, integrate
+from phasebench.integrators.driver import COLLISION, DIVERGED, INVALID, OK, integrate
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.outcome import describe_crossing
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping import orbit_lanes
 from phasebench.integrators.stepping.orbit_lanes import LANES
@@ -114,12 +113,6 @@ def test_rows_are_computed_in_the_pieces_of_the_driver(monkeypatch, steps, every
     assert found.in_lanes.all(), "none had to be integrated again"
 
 
-def test_a_method_of_any_family_runs_on_threads():
-    made, Q, P = starts("pendulum", 5)
-    found, _ = check(made, "avf", Q, P, h=0.1, steps=20, save_every=5, threads=2)
-    assert not found.in_lanes.any()
-
-
 @pytest.mark.parametrize("id", ["avf", "dop853-relaxation"])
 def test_stopped_orbits_have_the_status_of_integrate(id):
     """One orbit escapes, one starts where no step can be solved."""
@@ -145,35 +138,6 @@ def test_a_collision_is_detected_in_lanes():
     Q[2], P[2] = (1.0, 0.0), (-0.5, 0.0)
     found, _ = check(made, "stormer-verlet", Q, P, (2,), h=0.05, steps=100, save_every=1)
     assert found.status.tolist() == [COLLISION if i == 2 else OK for i in range(N)]
-
-
-def test_encounters_that_lose_energy_are_redone():
-    """Four orbits pass a singularity nearer than one step. Two lose energy there, one lost it before.
-
-    The loss is relative to the first row; the last orbit has more energy in its second row.
-    """
-    plane = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 - 1/sqrt(x**2 + y**2)", singular=["sqrt(x**2 + y**2)"])
-    Q, P = np.zeros((2, 4, 4, 2))
-    Q[:, :, 0] = (2.0, 1.0, 0.5, 2.0)
-    P[:, :, 1] = np.sqrt(2 / Q[:, :, 0] - 0.2)  # so that H = -0.1
-    P[0, 3, 1], P[1, 1, 1] = np.sqrt(2 / 2.0 - 0.2 + 0.04), np.sqrt(2 / 1.0 - 0.2 + 0.04)
-    P[3, 1, 1], P[3, 3, 1] = np.sqrt(2 / 1.0 - 0.5), P[0, 3, 1]
-    whole = np.ones(4, int)
-    orbits = batches.Orbits(plane, Q[:, 0], P[:, 0], 0.3 * whole, 3 * whole, whole, [method("rk4")], 0 * whole, 4)
-    orbits.Q, orbits.P = Q, P
-    assert batches.find_doubtful(orbits, np.arange(4)).tolist() == [0, 3]
-    said = [describe_crossing(plane, 0.3 * np.arange(4), Q[i], P[i], 0.3) for i in range(4)]
-    assert [x is not None for x in said] == [True, False, False, True], "what `integrate` would say"
-    orbits.h[:] = 0.1
-    assert batches.find_doubtful(orbits, np.arange(4)).tolist() == []
-
-
-def test_an_orbit_that_loses_its_step_density_is_redone_alone():
-    made, Q, P = starts("kepler", N, 1e-3)
-    Q[2], P[2] = (1.0, 0.0), (0.0, 0.0)  # falls into the centre
-    found, _ = check(made, "stormer-verlet-adaptive", Q, P, (0, 2, N - 1), h=0.1, steps=100, save_every=10)
-    assert found.status[2] == NOT_CONVERGED
-    assert found.in_lanes.tolist() == [i != 2 for i in range(N)]
 
 
 def test_lanes_wait_for_the_orbit_with_most_steps():

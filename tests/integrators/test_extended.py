@@ -93,27 +93,5 @@ def test_free_copies_part_if_h_is_not_separable_and_bound_ones_stay():
     assert bound.max() < 2 * bound[:300].max() < 1e-4
 
 
-def test_free_copies_are_stormer_verlet_if_h_is_separable():
-    system, q, p = SYSTEMS["henon-heiles"]()
-    ends = [integrate(system, id, h=0.05, steps=200, q0=q, p0=p) for id in ("pihajoki-2", "stormer-verlet", "tao-2")]
-    assert np.abs(ends[0].q - ends[1].q).max() < 1e-13
-    assert np.abs(ends[0].p - ends[1].p).max() < 1e-13
-    assert np.abs(ends[0].q - ends[2].q).max() > 1e-8
-
-
-def test_a_run_made_anew_from_a_row_is_another_one():
-    """The copy is part of the state (test_carry.py: rows change nothing)."""
-    system, q, p = SYSTEMS["coupled"]()
-    whole = integrate(system, "tao-2", h=0.05, steps=100, q0=q, p0=p)
-    anew = integrate(system, "tao-2", h=0.05, steps=50, q0=whole.q[50], p0=whole.p[50])
-    assert np.abs(anew.q[-1] - whole.q[-1]).max() > 1e-9
-
-
-def test_without_a_bond_two_halves_of_b_are_one():
-    system, q, p = SYSTEMS["coupled"]()
-    ends = [integrate(system, m, h=0.05, steps=50, q0=q, p0=p) for m in (method("tao-2", omega=0), "pihajoki-2")]
-    assert np.abs(ends[0].q - ends[1].q).max() < 1e-13
-
-
 if __name__ == "__main__":
     print(json.dumps({"result": structure()}))

@@ -88,16 +88,3 @@ def test_an_extreme_input_has_its_status(made, method, options, status, words):
     assert s.t[-1] == pytest.approx(s.t[0] + s.counts["steps"] * s.h)
     if status == "timeout":
         assert s.t[-1] > 0
-
-
-@pytest.mark.parametrize("method", ["stormer-verlet", "implicit-midpoint"])
-@pytest.mark.parametrize("unit", [2.0**400, 1e-150])
-def test_linear_motion_does_not_depend_on_units(method, unit):
-    """In units that are powers of two the states are the same bit for bit, in others to round-off."""
-    plain, scaled = (integrate(OSCILLATOR, method, **at(x, 0.25 * x, h=0.1, steps=1000)) for x in (1.0, unit))
-    assert scaled.status == "ok"
-    error = np.abs(scaled.q / unit - plain.q).max()
-    exactly = np.log2(unit) % 1 == 0
-    assert error == 0 if exactly else error < 1e-12
-    other = integrate(OSCILLATOR, method, **at(unit, 0.2500001 * unit, h=0.1, steps=1000))
-    assert np.abs(other.q / unit - plain.q).max() > 1e-9, "the control: another start"

@@ -49,15 +49,6 @@ def test_the_weights_for_derivatives_at_the_end_of_a_step():
     assert abs(told[3] - mpmath.e) > 1e-12, "the control: the weights are no rule for exp itself"
 
 
-@pytest.mark.parametrize("id", BY_ID)
-def test_steps_on_an_oscillator_are_equal(id):
-    """The time scale is constant there: 1/T = |f| / |y| is the frequency."""
-    h, made = 0.1, problem("harmonic-oscillator", omega=2.0)
-    following, last, t, counts = lengths(made.system, id, h, [0.7], [1.4], 200)
-    assert following == pytest.approx(last, rel=0.05)
-    assert t / counts.steps == pytest.approx(last, rel=0.05)
-
-
 def test_steps_on_a_kepler_orbit_follow_the_distance():
     """About as r^(3/2): at the apocentre, 9 times as far as the pericentre, they are about 27 times as long."""
     steps = []
@@ -97,13 +88,6 @@ def test_the_growth_of_steps_is_bounded():
     ratios = np.array(seen[1:]) / seen[:-1]
     assert ratios.max() <= field.GROWTH * (1 + 1e-12)
     assert ratios.max() > 0.9 * field.GROWTH, "the field is constant: nothing else bounds a step"
-
-
-@pytest.mark.parametrize(("made", "start"), [(KEPLER, {}), (WALL, {"q0": [3.0], "p0": [0.0]})])
-def test_the_orbit_does_not_depend_on_the_stored_rows(made, start):
-    every, none = (integrate(made, "gauss-8-field", h=0.02, t_end=8.0, save_every=n, **start) for n in (1, 0))
-    assert np.array_equal(end(every), end(none))
-    assert every.t[-1] == 8.0
 
 
 def test_missing_traits_of_a_system_are_reported():

@@ -80,25 +80,6 @@ def test_the_hamilton_jacobi_residual_has_its_order(name, order):
     assert float(sp.log(a / b, 2)) < order - 0.9, "the control"
 
 
-@pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
-def test_even_coefficients_vanish_at_one_half(name):
-    system = system_of(name)
-    K = coefficients(system.H, system.q, system.p, 4)
-    for k in (K[1], K[3]):
-        assert abs(at(k, point_of(system, 0) | {LAMBDA: sp.Rational(1, 2)})) < 1e-40
-        assert abs(at(k, point_of(system, 0) | {LAMBDA: sp.Rational(1, 3)})) > 1e-6, "the control"
-
-
-@pytest.mark.parametrize(("name", "lam"), [("pendulum", -1), ("henon-heiles", 0.3)])
-def test_scheme_ii_is_the_generating_function_of_order_2(name, lam):
-    second, general = method("scheme-ii", lam=lam), method("generating-function", order=2, lam=lam)
-    assert second.data == general.data
-    ends = [integrate(problem(name), m, h=0.05, steps=20) for m in (second, general)]
-    assert (ends[0].q == ends[1].q).all()
-    first = integrate(problem(name), method("scheme-i", lam=lam), h=0.05, steps=20)
-    assert lam == Fraction(1, 2) or np.abs(first.q - ends[0].q).max() > 1e-4, "the control"
-
-
 @pytest.mark.parametrize(("name", "order"), [("henon-heiles", 5), ("harmonic-oscillator", 6)])
 def test_orders_five_and_six_run(name, order):
     made = problem(name)
@@ -110,11 +91,45 @@ def test_orders_five_and_six_run(name, order):
     assert error < 0.1 * np.ptp(made.system.observe(made.system.H, lower.q, lower.p))
 
 
-def test_the_oscillator_has_a_closed_form():
-    """For H = (p^2 + q^2)/2 and lam = 1/2, S = (u^2 + v^2) tan(t/2); compared up to order 5."""
-    q, p = sp.symbols("q p")
-    t = sp.Symbol("t")
-    series = sp.series(sp.tan(t / 2), t, 0, 6).removeO()
-    K = coefficients((p**2 + q**2) / 2, [q], [p], 5, lam=sp.Rational(1, 2))
-    for i, k in enumerate(K):
-        assert sp.expand(k - (p**2 + q**2) * series.coeff(t, i + 1)) == 0
+# -- Scheme I on the harmonic oscillator, with z = h omega -------------------------------------------------------------
+
+
+LAMBDAS = (-1.0, 0.0, 1 / 3, 0.5, 2.5)
+OSCILLATOR = problem("harmonic-oscillator")
+
+
+def step_matrix(lam, z):
+    columns = []
+    for q, p in ((1.0, 0.0), (0.0, 1.0)):
+        s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=1, q0=[q], p0=[p])
+        columns.append([s.q[-1, 0], s.p[-1, 0]])
+    return np.array(columns).T
+
+
+def trace(lam, z):
+    """Derived from (19) of the talk."""
+    return 2 - z**2 / (1 + lam * (1 - lam) * z**2)
+
+
+@pytest.mark.parametrize("z", [0.1, 1.0, 1.9])
+@pytest.mark.parametrize("lam", LAMBDAS)
+def test_trace_and_determinant(lam, z):
+    M = step_matrix(lam, z)
+    scale = 1 + np.abs(M).max() ** 2
+    assert abs(np.trace(M) - trace(lam, z)) < 2e-14 * scale
+    assert abs(np.linalg.det(M) - 1) < 1e-13 * scale
+    if lam not in (0.0, 1.0):
+        wrong = 2 - z**2 / (1 + lam * (1 + lam) * z**2)
+        assert abs(np.trace(M) - wrong) > 2e-14 * scale, "the control: another sign in the denominator"
+
+
+@pytest.mark.parametrize("lam", LAMBDAS)
+def test_exact_invariant(lam):
+    z = 0.5 * min(1.0, 2 / max(abs(1 - 2 * lam), 1e-3))
+    s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=100_000, q0=[1.0], p0=[0.3])
+    q, p = s.q[:, 0], s.p[:, 0]
+    kept = p**2 + q**2 + z * (1 - 2 * lam) * p * q
+    assert np.abs(kept - kept[0]).max() < 1e-12 * kept[0]
+    if lam != 0.5:
+        wrong = p**2 + q**2 - z * (1 - 2 * lam) * p * q
+        assert np.ptp(wrong) > 1e-2 * kept[0], "the control: the sign of the mixed term"

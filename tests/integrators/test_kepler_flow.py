@@ -9,14 +9,19 @@ from __future__ import annotations
 
 import json
 from fractions import Fraction
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
 import pytest
+import sympy as sp
+from numba import njit
 
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number, vector
+from phasebench.integrators.families import planet_lanes, planet_pairs
 from phasebench.integrators.stepping import kepler_flow
 from phasebench.integrators.stepping.kernel import array
+from phasebench.integrators.values.vector import TUPLES
 
 EPS = np.finfo(float).eps
 DIGITS = 40
@@ -133,17 +138,6 @@ def test_whole_periods_return(e, periods):
     assert np.abs(flow(q, v, h * (1 + 1e-3 / periods))[:2] - [q, v]).max() > 1e-4, "the control: another time"
 
 
-@pytest.mark.parametrize("e", [0.6, 1.0, 1.5])
-def test_backwards_is_the_mirror_image(e):
-    """(q, v, h) and (q, -v, -h) use the same arithmetic; going forth and back returns."""
-    q, v, h = doubles(e, 1.0, 0.8)
-    forth, mirrored = flow(q, v, h), flow(q, [-x for x in v], -h)
-    assert (forth[0] == mirrored[0]).all()
-    assert (forth[1] == -mirrored[1]).all()
-    back = flow(forth[0], forth[1], -h)
-    assert np.abs(back[:2] - [q, v]).max() < 1e-11
-
-
 def test_scaling_by_mass_mu_and_rotation():
     q, v, h = doubles(0.6, 1.0, 2.0)
     X = flow(q, v, h)
@@ -168,6 +162,85 @@ def test_the_solver_does_not_depend_on_units(length):
         assert cost[0] == cost[1] <= 12, case
         for found, wanted in ((Y[0] / length, X[0]), (Y[1] * length**0.5, X[1])):
             assert np.abs(found - wanted).max() <= 1e-11 * np.abs(wanted).max(), case
+
+
+# -- bodies in SIMD lanes ----------------------------------------------------------------------------------------------
+
+
+LANES = 8
+
+
+@njit(**TUPLES)
+def _advance(step, h, memory):
+    at = planet_lanes._add_distances(step, planet_lanes._read_state(memory, step.like).y)
+    planet_lanes._save(memory, planet_lanes._drift(step, at, h, memory), step.like)
+
+
+def step_of(mu, mass):
+    """The step of the Wisdom-Holman kernel in lanes, without an interaction: bodies with these mu and masses."""
+    part = SimpleNamespace(mu=[sp.Rational(x) for x in mu], masses=[sp.Rational(x) for x in mass])
+    empty = np.zeros((0, LANES))
+    like = (0.0,) * LANES
+    parts = array(planet_pairs._of_bodies(part, LANES), DOUBLE)
+    return planet_lanes.Planets(empty, empty, like, (0.0,) * len(mu), empty, parts, empty, TABLE, 0.0, EPS)
+
+
+def in_lanes(q, v, h, mu=None, mass=None):
+    """(q, v, compensation of each), arrays (n, 3), of bodies after a step of length h."""
+    n = len(q)
+    mu, mass = np.ones(n) if mu is None else mu, np.ones(n) if mass is None else mass
+    memory = np.zeros((planet_lanes.ROWS, LANES))
+    memory[:3, :n], memory[3:6, :n] = q.T, (mass[:, None] * v).T
+    _advance(step_of(mu, mass), float(h), memory)
+    found = [memory[3 * i : 3 * i + 3, :n].T for i in range(4)]
+    assert not memory[:6, n:].any(), "a lane without a body moves"
+    return found[0], found[1] / mass[:, None], found[2], found[3] / mass[:, None]
+
+
+def alone(q, v, h):
+    """(q, v, compensation of each), arrays (n, 3), of bodies after a step of length h, by the scalar `kepler_flow`."""
+    X = [np.array([a, b, 0 * a, 0 * a]) for a, b in zip(q, v, strict=True)]
+    for x in X:
+        kepler_flow.advance(x, 0, 3, 1.0, 1.0, h, EPS, TABLE)
+    return tuple(np.array([x[i] for x in X]) for i in range(4))
+
+
+def orbits(e, anomalies):
+    turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0][:, :2]
+    states = [on_orbit(e, float(A)) for A in anomalies]
+    return (np.array([state[i] for state in states], float) @ turn.T for i in (0, 1))
+
+
+ALL_ROUND = np.linspace(-3, 3, LANES)
+
+
+@pytest.mark.parametrize(
+    ("e", "h"), [(0.0, 1e-9), (0.05, 0.3), (0.6, 1e-9), (0.6, -0.3), (0.99, 0.3), (0.2, 6.0), (1.5, 1.2), (1.5, -0.01)]
+)
+def test_a_lane_equals_the_scalar_solver_to_round_off(e, h):
+    """Increments and compensations, up to the effect of a few units of round-off in the state or time."""
+    q, v = orbits(e, ALL_ROUND)
+    found, wanted = in_lanes(q, v, h), alone(q, v, h)
+    near = [alone(q * (1 + 4 * EPS), v, h), alone(q, v * (1 + 4 * EPS), h), alone(q, v, h * (1 + 4 * EPS))]
+    for i, start in enumerate((q, v)):
+        moved = wanted[i] - start
+        felt = sum(np.abs(n[i] - wanted[i]).max(1) for n in near) + EPS * np.abs(wanted[i]).max(1)
+        error = np.abs(found[i] - wanted[i] + (found[i + 2] - wanted[i + 2])).max(1)
+        assert (error <= 8 * (felt + EPS * np.abs(moved).max(1))).all()
+    other = in_lanes(q, v, h * (1 + 1e-6))
+    assert np.abs(other[0] - wanted[0]).max() > 1e-8 * abs(h), "the control: another time"
+
+
+def test_free_bodies_and_masses():
+    q, v = orbits(0.2, ALL_ROUND[:4])
+    mu, mass = np.array([0.0, 1.0, 4.0, 1.0]), np.array([2.0, 1.0, 1.0, 8.0])  # powers of two keep momenta exact
+    q[0] = 0  # a body at the origin
+    found = in_lanes(q, v, 0.3, mu=mu, mass=mass)
+    assert found[0][0] == pytest.approx(0.3 * v[0], rel=1e-15, abs=0)
+    assert np.array_equal(found[1][0], v[0])
+    wanted = alone(q[1:], v[1:], 0.3)
+    assert np.abs(found[0][[1, 3]] - wanted[0][[0, 2]]).max() < 4 * EPS
+    assert np.abs(found[0][2] - wanted[0][1]).max() > 1e-3, "the control: another mu"
 
 
 if __name__ == "__main__":

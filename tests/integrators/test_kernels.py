@@ -19,14 +19,16 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.compile import codegen, machine
 from phasebench.integrators.prepared import prepare as prepared_run
+from phasebench.integrators.records.collocation import hbvm
 from phasebench.integrators.records.projection import projection_method
-from phasebench.integrators.registry import BY_ID, METHODS
+from phasebench.integrators.registry import BY_ID, METHODS, method
 from phasebench.integrators.stepping import kernel as stepping
 from support import counts, plain, stiff, stops
 from support.kinds import arrays_and_tuples_apart
 from support.marks import compiled
 from support.one_of_each import FIRST, kinds
 from support.slips import leaves, replace_at
+from support.solutions import last
 
 NAMES = ("henon-heiles", "perturbed-kepler", "magnetic-mirror", "fpu", "kerr")
 PROBLEMS = [problem(name) for name in NAMES] + [as_problem(name) for name in ("rods", "asymmetric-top", "many-parts")]
@@ -69,7 +71,9 @@ def test_control_another_coefficient_ends_elsewhere(label):
 
 
 @compiled
-@pytest.mark.parametrize("id", ["dop853", "symplectic-euler-q", "implicit-midpoint", "scheme-ii", "avf"])
+@pytest.mark.parametrize(
+    "id", ["dop853", "symplectic-euler-q", "implicit-midpoint", "scheme-ii", "avf", "variational-lobatto-3"]
+)
 def test_arrays_and_tuples_agree(id):
     assert arrays_and_tuples_apart(id) < 1e-12
 
@@ -125,6 +129,38 @@ def test_units_of_momenta_change_only_round_off(uncompiled, label):
         assert min(found) > 1e-9
     else:
         assert max(found) < 1e-12
+
+
+# -- methods that are another one on some systems ----------------------------------------------------------------------
+
+#: Method, another one, system, whether they are one.
+SAME = [
+    *(("cpg-1", "avf", name, True) for name in ("henon-heiles", "coupled")),
+    *((hbvm(2, 2), "gauss-2", name, True) for name in ("henon-heiles", "coupled")),
+    # Marsden & West 2001, 2.6.6; Ober-Bloebaum & Saake 2015
+    ("variational-midpoint", "implicit-midpoint", "henon-heiles", True),
+    ("variational-trapezoidal", "stormer-verlet", "henon-heiles", True),
+    ("variational-gauss-2", "gauss-2", "henon-heiles", True),
+    ("variational-gauss-3", "gauss-3", "henon-heiles", True),
+    ("variational-lobatto-3", "lobatto-iiia-iiib-3", "henon-heiles", True),
+    ("variational-lobatto-4", "lobatto-iiia-iiib-4", "henon-heiles", True),
+    ("variational-2-3", "gauss-2", "henon-heiles", False),
+    ("pavf", "avf", "henon-heiles", True),
+    ("itoh-abe", "avf", "pendulum", True),
+    ("pavf", "avf", "coupled", False),
+    ("pihajoki-2", "stormer-verlet", "henon-heiles", True),
+    ("tao-2", "stormer-verlet", "henon-heiles", False),
+    (method("tao-2", omega=0), "pihajoki-2", "coupled", True),
+    (method("scheme-ii", lam=0.3), method("generating-function", order=2, lam=0.3), "henon-heiles", True),
+    (method("scheme-ii", lam=0.3), method("scheme-i", lam=0.3), "henon-heiles", False),
+]
+
+
+@pytest.mark.parametrize(("one", "other", "name", "same"), SAME, ids=lambda x: str(getattr(x, "label", x)))
+def test_methods_that_are_one_on_a_system(one, other, name, same):
+    ends = [last(integrate(as_problem(name), m, h=0.05, steps=40)) for m in (one, other)]
+    apart = np.abs(ends[0] - ends[1]).max()
+    assert apart < 1e-13 if same else apart > 1e-10
 
 
 # -- counts and ends ---------------------------------------------------------------------------------------------------

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import pi
-
 import numpy as np
 import pytest
 
-import phasebench as pb
-from phasebench.benchmarks.measure import oscillator
-from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.coefficients import multistep as numbers
@@ -62,17 +56,6 @@ def test_zero_stability_all_parasitic_roots_are_simple_and_on_the_unit_circle(or
     assert all(min(abs(z**n - 1) for n in turns) < 1e-40 for z in roots)
 
 
-# -- runs ------------------------------------------------------------------------------------------------------------
-
-
-def test_a_start_from_the_end_returns_to_its_truncation_error_only():
-    """(q, p) is not the state: a new run from the end starts with other earlier positions."""
-    made = problem("henon-heiles:box")
-    there = integrate(made, "quinlan-tremaine-8", h=0.1, steps=200)
-    back = integrate(made, "quinlan-tremaine-8", h=-0.1, steps=200, q0=there.q[-1], p0=there.p[-1])
-    assert 1e-12 < np.abs(back.q[-1] - made.q0).max() < 1e-5
-
-
 # -- stable steps ------------------------------------------------------------------------------------------------------
 
 
@@ -97,18 +80,6 @@ def test_stormer_verlets_limit_follows_from_the_same_formula():
     assert found[0][1] == pytest.approx(6**0.5, abs=1e-15)
 
 
-@pytest.mark.parametrize("order", [8])
-def test_runs_beside_the_limit_stay_bounded_or_grow(order):
-    chosen = integrator(f"quinlan-tremaine-{order}")
-    found = oscillator.find(chosen)
-    assert found.how == oscillator.ROOTS
-    assert found.limit == numbers.stable_intervals(TABLES[order])[0][1]
-    assert not oscillator.failure_of_run(chosen, 0.999 * found.limit, 10_000)
-    assert oscillator.failure_of_run(chosen, 1.001 * found.limit, 10_000)
-    answer = pb.stability(f"quinlan-tremaine-{order}")
-    assert answer.limit == found.limit
-
-
 # -- runs --------------------------------------------------------------------------------------------------------------
 
 KEPLER = problem("kepler")
@@ -120,30 +91,3 @@ def test_systems_of_another_kind_are_refused():
             integrate(Hamiltonian(q="q", p="p", H=H), "quinlan-tremaine-8", h=0.1, steps=3, q0=[0.1], p0=[0.2])
     with pytest.raises(InvalidInput, match="quinlan-tremaine-8"):
         integrate(KEPLER, "quinlan-tremaine-9", h=0.1, steps=3)
-
-
-def test_a_first_step_that_cannot_be_solved_ends_the_run():
-    system = Hamiltonian(q="q", p="p", H="p**2/2 + 200*q**4")
-    s = integrate(system, "quinlan-tremaine-8", h=3.0, steps=30, q0=[1.0], p0=[0.0])
-    assert s.status == "not-converged"
-    assert "smaller h" in s.reason
-
-
-# -- long times --------------------------------------------------------------------------------------------------------
-
-
-def drift(chosen, orbits: int) -> tuple[float, float]:
-    """(end of a line through the energy errors of e = 0.2 with 200 steps an orbit, the largest deviation from it)."""
-    n = 200
-    s = integrate(KEPLER, chosen, h=2 * pi / n, steps=orbits * n, save_every=n, q0=[0.8, 0.0], p0=[0.0, 1.5**0.5])
-    line = np.polyfit(s.t, s.energy(), 1)
-    return abs(line[0]) * s.t[-1], np.abs(s.energy() - np.polyval(line, s.t)).max()
-
-
-def test_energy_has_no_drift_and_stormers_method_has():
-    """Over 2,000 orbits; the control, Stormer's unsymmetric method of order 7 by the same kernel, drifts over 20."""
-    slope, around = drift(record(8), 2000)
-    assert slope < 2e-11
-    assert around < 2e-10
-    control = replace(record(8), id="stormer-7", order=7, data=tuple(numbers.stormer(7, 8)), symmetric=False)
-    assert drift(control, 20)[0] > 1e-9, "over a hundredth of the time"

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 
 import mpmath
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import phasebench as pb
 from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput, SplitHamiltonian, integrate
@@ -102,41 +98,6 @@ def test_two_parts_are_a_splitting():
 
 
 # -- problems ----------------------------------------------------------------------------------------------------------
-
-
-def test_a_problem_from_the_cache_has_its_parts(tmp_path):
-    """The second process finds what the first one derived, and needs no formulae."""
-    script = """
-import json, sys
-import phasebench as pb
-status = pb.integrate("kerr", "abc-2", h=1.0, steps=2).status
-print(json.dumps([status, "sympy" in sys.modules]))
-"""
-    found = []
-    for _ in range(2):
-        done = subprocess.run(
-            [sys.executable, "-c", script],
-            capture_output=True,
-            text=True,
-            check=True,
-            env=os.environ | {"PHASEBENCH_CACHE": str(tmp_path)},
-        )
-        found.append(json.loads(done.stdout.splitlines()[-1]))
-    assert found == [["ok", True], ["ok", False]]
-
-
-def test_carters_constant_is_kept_and_kerr_without_spin_is_schwarzschild():
-    made = problem("kerr")
-    a, E, L = (made.parameters[x] for x in ("a", "E", "L"))
-    s = pb.integrate(made, "abc-6", h=1.0, t_end=2000.0)
-    theta, pt = s.q[:, 1], s.p[:, 1]
-    carter = pt**2 + np.cos(theta) ** 2 * (a**2 * (1 - E**2) + L**2 / np.sin(theta) ** 2)
-    assert np.ptp(carter) < 1e-12 * carter[0]
-    assert np.ptp(theta) > 0.1
-    assert abs(s.energy()[0]) < 1e-15
-    still, free = problem("kerr", a=0), problem("magnetized-schwarzschild", beta=0.0)
-    ends = [pb.integrate(x, "gauss-8", h=1.0, t_end=300.0).q[-1] for x in (still, free)]
-    assert ends[0] == pytest.approx(ends[1], rel=1e-11)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from phasebench.benchmarks.measure.step_map import jacobian
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
@@ -15,7 +14,6 @@ from phasebench.integrators.families import poisson
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.poisson import PoissonSystem, jacobi_defects
-from support.solutions import end
 
 LV = problem("lotka-volterra:4-2")
 ROUND_OFF = 1e-13
@@ -46,13 +44,6 @@ CASIMIRS = {
 START = {"q0": (0.8, -0.5), "p0": (0.6, 1.0)}
 
 
-def structure(system, y):
-    d = system.d
-    f = system.structure()
-    columns = [np.concatenate(f(*(tuple(x) for x in (y[:d], y[d:], e[:d], e[d:])))) for e in np.eye(2 * d)]
-    return np.array(columns).T
-
-
 # -- the systems -------------------------------------------------------------------------------------------------------
 
 
@@ -75,31 +66,6 @@ def test_invalid_poisson_systems_are_refused():
         PoissonSystem(q=[u], p=[v], B=[[0]], H=u + v)
     with pytest.raises(InvalidInput, match="not B grad H"):
         PoissonSystem(q=[u], p=[v], B=[[0, -u * v], [u * v, 0]], H="u + v", dq=[u * v], dp=[u * v])
-
-
-# -- Poisson maps -----------------------------------------------------------------------------------------------------
-
-
-def defect(method, system=LV.system, y=(4.0, 2.0), h=0.1, steps=1):
-    """Largest entry of M B(y0) M^T - B(y1), where M is the Jacobian of the map over the time h."""
-    d, y = system.d, np.array(y)
-
-    def step(x):
-        return end(integrate(system, method, h=h / steps, steps=steps, q0=x[:d], p0=x[d:], save_every=0))
-
-    M = jacobian(step, y)
-    return np.abs(M @ structure(system, y) @ M.T - structure(system, step(y))).max()
-
-
-#: Errors of difference Jacobians are below the first number; defects of other maps exceed the second.
-NOTHING, VISIBLE = 1e-9, 1e-5
-
-
-def test_symplectic_euler_is_poisson_for_lotka_volterra():
-    """Hairer, Lubich & Wanner 2006, VII.4, for this B; so are its compositions."""
-    assert max(defect(id) for id in ("symplectic-euler-p", "symplectic-euler-q", "stormer-verlet")) < NOTHING
-    assert defect("rk4", steps=100) < NOTHING, "the flow"
-    assert min(defect(id, h=0.2) for id in ("implicit-midpoint", "rk4")) > VISIBLE
 
 
 # -- Cohen & Hairer ----------------------------------------------------------------------------------------------------
@@ -136,22 +102,6 @@ def test_energy_and_quadratic_casimirs_only_are_conserved(s):
         changed[kind] = greatest_change(system, C, found)
     assert changed["quadratic"] < ROUND_OFF
     assert changed["quartic"] > 1e4 * ROUND_OFF
-
-
-@pytest.mark.parametrize(("s", "most"), [(1, 54), (2, 57)])
-def test_all_increments_start_by_extrapolation(s, most):
-    """Starting from zero, or extrapolating only the first increment, takes 8 to 11 more evaluations per step."""
-    counts = integrate(LV, f"cohen-hairer-{s}", h=0.02, steps=40).counts
-    assert counts["gradient"] < most * 40
-    assert counts["newton"] == 0
-
-
-def test_an_unsolvable_step_ends_with_a_status():
-    """Both populations leave the quadrant in which H is defined."""
-    ends = [integrate(LV, "cohen-hairer-2", h=h, steps=4) for h in (10.0, 0.1)]
-    assert [s.counts["steps"] for s in ends] == [0, 4]
-    assert ends[0].status in ("not-converged", "diverged")
-    assert ends[1].status == "ok", "the control"
 
 
 @pytest.mark.parametrize("id", ["avf", "cohen-hairer-1"])

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import ast
 import copy
 import gc
 import pickle
 import sys
 import weakref
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -155,12 +153,3 @@ def test_a_copy_of_a_prepared_peer_has_a_state_of_its_own():
     assert not same(other(1.0)[:2], end[:2])
     assert same(copy.deepcopy(other)(1.0)[:2], other(1.0)[:2])
     assert same(run(1.0)[:2], end[:2])
-
-
-def test_what_releases_memory_says_how_it_is_copied():
-    for path in Path(pb.__path__[0]).resolve().parent.glob("[ibr]*/**/*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ClassDef):
-                names = {n.name for n in node.body if isinstance(n, ast.FunctionDef)}
-                names |= {getattr(t, "id", "") for n in node.body if isinstance(n, ast.Assign) for t in n.targets}
-                assert "__del__" not in names or "__reduce__" in names, f"{path}: {node.name}"

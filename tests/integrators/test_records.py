@@ -21,12 +21,9 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
 from phasebench.integrators.record import TRAITS as MEANINGS
 from phasebench.integrators.records import (
-    collocation,
     energy,
     parametric,
     projection,
-    solvers,
-    splittings,
 )
 from phasebench.integrators.registry import BY_ID, METHODS, method
 from phasebench.reference.peers import PEERS
@@ -130,29 +127,6 @@ def test_values_of_parameters(id, name, good, bad):
     for x in bad:
         with pytest.raises(InvalidInput):
             method(id, **{name: x})
-
-
-def test_names_say_what_is_generalized_or_conserved():
-    generalized = {m.id: m.name.partition(" of generalised order ")[2] for m in splittings.METHODS}
-    assert {id: order for id, order in generalized.items() if order} == {
-        "saba-2": "(4,2)",
-        "saba-3": "(6,2)",
-        "saba-4": "(8,2)",
-        "aba-864": "(8,6,4)",
-        "aba-1064": "(10,6,4)",
-    }
-    # Brugnano, Iavernaro & Trigiante 2010: polynomials H of degree up to 2 k / s
-    for of, degree in {(2, 1): 4, (6, 3): 4, (6, 4): 3, (7, 2): 7}.items():
-        assert collocation.hbvm(*of).name.endswith(f" {degree}")
-
-
-def test_a_method_with_a_solver_keeps_its_parameters():
-    half = Fraction(1, 2)
-    plain, banded = method("scheme-i", lam=half), method("scheme-i", solver="banded")(lam=half)
-    assert (banded.data, banded.order, banded.symmetric) == (plain.data, 2, True)
-    assert dict(banded.parameters) == {"lam": half, "solver": "banded"}
-    assert solvers.with_solver(banded, "banded") is banded
-    assert banded.family == "banded"
 
 
 # -- ids and citations ------------------------------------------------------------------------------------------------

@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.measure.battery import RIGID, SYSTEMS
 from phasebench.integrators import InvalidInput, RigidBody, integrate
-from phasebench.integrators.prepared import lay_out
-from phasebench.integrators.records.compositions import compose
-from phasebench.integrators.registry import BY_ID, METHODS, method
-from phasebench.integrators.stepping import newton
-from phasebench.integrators.stepping.kernel import prepare
+from phasebench.integrators.registry import BY_ID, METHODS
 
 IDS = [m.id for m in METHODS if m.family == "rigid"]
 MOMENTS = (1, "3/2", 2)
@@ -122,29 +117,3 @@ def test_a_symmetric_top_is_the_flow_of_a_symmetric_body():
     assert one.q[-1] == pytest.approx(many.q[-1], abs=2e-15)
     other = [integrate(body, "rigid-dlm", h=4 / n, steps=n, q0=q, p0=p).q[-1] for n in (1, 64)]
     assert np.abs(other[0] - other[1]).max() > 1e-2, "the control"
-
-
-def test_a_step_too_long_for_moser_and_veselov_says_so():
-    q, p = FREE.start(attitude=ATTITUDE, momentum=(3.0, -2.0, 4.0))
-    s = integrate(FREE, "moser-veselov", h=2.0, steps=5, q0=q, p0=p)
-    assert s.status == "not-converged"
-    assert s.reason
-
-
-def test_a_long_step_is_solved_by_newton_in_memory_of_its_own():
-    body, q, p = SYSTEMS[RIGID[0]]()
-    for id in ("moser-veselov", "lie-midpoint"):
-        assert lay_out(prepare(method(id), body), body.d, 1.5, q, p).carry.work.rows.shape == newton.shape(4)
-    s = integrate(body, "lie-midpoint", h=1.5, steps=50, q0=q, p0=p)
-    assert (s.status, s.counts["newton"] > 0) == ("ok", True)
-
-
-def test_a_composition_of_ones_own():
-    mine = compose(BY_ID["rigid-reich"], "forest-ruth")
-    assert mine.order == 4
-    q, p = HEAVY.start(attitude=ATTITUDE, momentum=MOMENTUM)
-    truth = integrate(HEAVY, "gauss-8", h=0.05, t_end=2.0, q0=q, p0=p, save_every=0).q[-1]
-    errors = [
-        np.abs(integrate(HEAVY, mine, h=2 / n, steps=n, q0=q, p0=p, save_every=0).q[-1] - truth).max() for n in (40, 80)
-    ]
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.1)

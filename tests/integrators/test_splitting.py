@@ -5,27 +5,20 @@ from __future__ import annotations
 from fractions import Fraction
 from pathlib import Path
 
-import mpmath
 import numpy as np
 import pytest
-import sympy as sp
 
-from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.battery import variants
-from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian, coefficients
+from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import BY_NAME, GROUPS
 from phasebench.integrators.compile import codegen
-from phasebench.integrators.compile.codegen import TUPLE_LIMIT
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.families import force_gradient as family
 from phasebench.integrators.families import parametric, splitting
 from phasebench.integrators.records import processed
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.stepping import kernel
-from support import step_matrices as exact
 from support.one_of_each import kinds
 from support.solutions import last
 from support.systems import chain, of_masses
@@ -107,21 +100,6 @@ def test_the_special_kernel_equals_the_general_one(label, name):
     assert np.abs(run(system, m, name) - run(general, m, name)).max() < ROUND_OFF
 
 
-@pytest.mark.parametrize("kind", [Hamiltonian, General])
-def test_extrapolated_starts_save_iterations(kind):
-    """Forty steps in one run take fewer iterations than forty runs of one step, which start from zero."""
-    made, m, h = SYSTEMS["henon-heiles"](), ONE_STAGE["scheme-i(lam=1/3)"], 0.005
-    system = kind(q=made.q, p=made.p, H=made.H)
-    y = STARTS["henon-heiles"]
-    whole = integrate(system, m, h=h, steps=40, q0=y[0], p0=y[1])
-    anew = 0
-    for _ in range(40):
-        step = integrate(system, m, h=h, steps=1, q0=y[0], p0=y[1])
-        y, anew = (step.q[-1], step.p[-1]), anew + step.counts["iterations"]
-    assert np.abs(np.concatenate(y) - [*whole.q[-1], *whole.p[-1]]).max() < ROUND_OFF
-    assert whole.counts["iterations"] < 0.6 * anew
-
-
 def weights(lam, rounded=False):
     """Sums of the two weights in each substep of Scheme III, as exact fractions of the doubles.
 
@@ -156,26 +134,7 @@ def test_steps_between_rows_cost_the_kernel_alone(id):
         assert s.counts["gradient"] == 20 * own + 20 // every * row
 
 
-def test_weights_of_a_kernel_that_begins_with_a_drift():
-    half, one = mpmath.mpf(1) / 2, mpmath.mpf(1)
-    assert processed.weights([("A", half), ("B", one), ("A", half)]) == ((half, half), (0, one, 0))
-    assert processed.weights(processed.letters([one])) == ((one,), (half, half))
-    assert processed.rows([("B", one), ("B", one), ("A", half)]) == ((0, 2), (half, 0))
-
-
 # -- modified kicks ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("id", ["sabac-2"])
-def test_arrays_and_tuples_agree(id, monkeypatch):
-    d = family.MOST + 1
-    q, p = np.linspace(0.3, 0.9, d), np.linspace(-0.2, 0.4, d)
-    ends = []
-    for most in (family.MOST, TUPLE_LIMIT):
-        monkeypatch.setattr(family, "MOST", most)
-        ends.append(last(integrate(chain(d), id, h=0.02, steps=50, q0=q, p0=p, save_every=10)))
-    np.testing.assert_allclose(*ends, rtol=0, atol=1e-14)
-    assert np.abs(ends[0][:d] - q).max() > 0.1, "the control: it moves"
 
 
 def test_loops_without_a_formula_need_no_hessian():
@@ -188,22 +147,6 @@ def test_loops_without_a_formula_need_no_hessian():
     assert abs(np.log2(ratio) - 4) < 0.2
     with pytest.raises(InvalidInput, match="loops and no formula"):
         integrate(made.system, "chin-4a", h=0.1, t_end=1.0, q0=made.q0, p0=made.p0)
-
-
-@pytest.mark.parametrize("id", ["chin-4a", "sabac-2", "hessian-free-adadada"])
-def test_stability_limits_follow_from_the_step_matrix(id):
-    """On the oscillator a modified kick is p - (b z - 2 c z^3) q, with the Hessian or without."""
-
-    def kick(b, c):
-        return sp.Matrix([[1, 0], [-b * exact.Z + 2 * c * exact.Z**3, 1]])
-
-    parts = []
-    for letter, weight, c in coefficients.steps(id):
-        a, c = (sp.Float(str(x), exact.DIGITS) for x in (weight, c))
-        parts.append(exact.drift(a) if letter == "A" else kick(a, c))
-    wanted = float(exact.first_end(exact.product(*parts)))
-    found = oscillator.find(integrator(id)).limit
-    assert found == pytest.approx(wanted, rel=2e-6 if id == "chin-4a" else 1e-9), "2 3^(1/2), a double root, of chin-4a"
 
 
 def trace_error(weight: float, h: float) -> float:

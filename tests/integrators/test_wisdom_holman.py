@@ -102,7 +102,7 @@ def test_correctors_equal_the_published_ones():
         assert sorted(pairs) == sorted((-t, -b) for t, b in pairs)
 
 
-@pytest.mark.parametrize("id", ["wisdom-holman", "wisdom-holman-corrector", "wisdom-holman-aba-8-6-4"])
+@pytest.mark.parametrize("id", ["wisdom-holman", "wisdom-holman-corrector", "wisdom-holman-aba-8-6-4", "fcirk"])
 def test_kepler_is_solved_exactly(id):
     from phasebench.reference.solvers.exact import exact
 
@@ -164,13 +164,8 @@ def test_bodies_with_another_potential_are_not_in_lanes():
     system, alone = small(masses, extra), small(masses)
     assert planet_pairs.distances(system.potential, system.q) is None
     assert len(planet_pairs.distances(alone.potential, alone.q)) == bodies
-    angle, r = np.arange(1, bodies) * 2.0, np.arange(1.0, bodies)
-    q = np.zeros((bodies, 3))
-    q[1:] = np.transpose([r * np.cos(angle), r * np.sin(angle), 0.1 * np.sin(3 * angle)])
-    v = np.zeros((bodies, 3))
-    v[1:] = np.transpose([-np.sin(angle), np.cos(angle), 0 * angle]) / np.sqrt(r)[:, None]
-    p = v * np.array([float(m) for m in masses])[:, None]
-    state = {"q0": q.ravel(), "p0": p.ravel()}
+    q, v = np.array([[0, 0, 0], [1, 0, 0.1], [0, 2, -0.1]]), np.array([[0, 0, 0], [0, 1, 0], [-0.7, 0, 0.0]])
+    state = {"q0": q.ravel(), "p0": (v * np.array(masses, float)[:, None]).ravel()}
     found = end(integrate(system, "wisdom-holman-aba-10-6-4", h=0.1, steps=30, **state))
     assert np.abs(found - elsewhere(system, state["q0"], state["p0"], 3.0)).max() < 1e-9
 
@@ -199,8 +194,7 @@ def test_errors_of_the_planets(fine, id):
     E = made.system.observe(made.system.H, s.q, s.p)
     found = np.abs(end(s) - fine)[:18].max(), np.abs(E / E[0] - 1).max()
     for error, expected, least in zip(found, ERRORS.get(id, (0, 0)), LEAST, strict=True):
-        assert error < 4 * max(expected, least)
-        assert error > expected / 4, "the table is out of date"
+        assert expected / 4 < error < 4 * max(expected, least)
     for name, expression in made.invariants.items():
         kept = made.system.observe(expression, s.q, s.p)
         assert np.abs(kept - kept[0]).max() < 1e-18, name
@@ -208,21 +202,13 @@ def test_errors_of_the_planets(fine, id):
 
 # -- flow-composed Runge-Kutta methods --------------------------------------------------------------------------------
 
-MADE = problem("perturbed-kepler")
-
-
 #: The speed of a parabola from the start below, where v^2 = 2 / r; the velocity is this times (0.1, 1, 0.05).
 PARABOLIC = (2 / 1.05**0.5 / 1.0125) ** 0.5
 
 
 @pytest.mark.parametrize(
     ("speed", "h"),
-    [
-        (1.1, -0.7),
-        (0.9, 40.0),
-        (PARABOLIC, 0.8),
-        (1.9, -3.0),
-    ],
+    [(1.1, -0.7), (0.9, 40.0), (PARABOLIC, 0.8), (1.9, -3.0)],
 )
 def test_a_kick_is_transported_back_as_differences_say(speed, h):
     table = array(kepler_flow.constants(DOUBLE), DOUBLE)
@@ -243,40 +229,6 @@ def test_a_kick_is_transported_back_as_differences_say(speed, h):
     expected = (8 * (ends[1] - ends[2]) - (ends[0] - ends[3])) / (12 * d)
     assert np.abs(X[2:4] - expected).max() < 1e-9 * np.abs(expected).max()
     assert np.abs(X[2:4]).max() > 1e-2
-
-
-def test_kepler_is_solved_exactly_by_few_evaluations():
-    made = problem("kepler", e=0.6)
-    one, many = (integrate(made, "fcirk", h=30.0 / n, steps=n) for n in (7, 200))
-    assert np.abs(one.q[-1] - many.q[-1]).max() < 1e-12
-    assert one.counts["gradient"] <= 2 * 8 * 7
-
-
-def error_and_cost(made, exact, id: str, h: float, T: float) -> tuple[float, int]:
-    """(largest error of q at the time T, evaluations of the gradient) of a method with steps h."""
-    s = integrate(made, id, h=h, t_end=T, save_every=0)
-    return float(np.abs(s.q[-1] - exact.q[-1]).max()), s.counts["gradient"]
-
-
-def test_an_eccentric_orbit_at_equal_steps_and_at_equal_costs():
-    """What Kepler's flow takes from Gauss's method, at e = 0.6; Wisdom and Holman's splitting has as many gradients."""
-    exact = integrate(MADE, "gauss-8", h=0.02, t_end=20.0, save_every=0)
-    mine, costs = error_and_cost(MADE, exact, "fcirk", 0.2, 20.0)
-    gauss, more = error_and_cost(MADE, exact, "gauss-8", 0.2, 20.0)
-    split, as_many = error_and_cost(MADE, exact, "wisdom-holman", 0.2 / 40, 20.0)
-    assert mine < 1e-10
-    assert gauss > 5 * mine
-    assert more > costs
-    assert split > 1e4 * mine
-    assert as_many > 0.9 * costs
-
-
-def test_energy_and_angular_momentum_do_not_drift():
-    s = integrate(MADE, method("fcirk", stages=3), h=0.1, steps=20_000, save_every=10)
-    E, L = s.energy(), s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0]
-    assert np.abs(L - L[0]).max() < 1e-13
-    assert abs(np.polyfit(s.t, E, 1)[0]) * s.t[-1] < 0.2 * np.ptp(E)
-    assert np.ptp(E) < 1e-6
 
 
 if __name__ == "__main__":
