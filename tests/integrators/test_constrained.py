@@ -108,23 +108,6 @@ def test_a_step_without_multipliers_says_so():
 
 
 @pytest.mark.parametrize(
-    ("constraints", "said"),
-    [
-        (["x*u"], "momentum u"),
-        (["1"], "none of the coordinates"),
-        (["x = y = 1"], "the character '=' stands in no formula"),
-        (["x + k"], "'k' is none of the variables"),
-        ([], "no constraint"),
-        (["x", "y", "z"], "as many constraints as coordinates"),
-        (["x", "y", "z", "x + y"], "more constraints than coordinates"),
-    ],
-)
-def test_bad_constraints(constraints, said):
-    with pytest.raises(InvalidInput, match=said):
-        ConstrainedHamiltonian(**SPHERE, constraints=constraints)
-
-
-@pytest.mark.parametrize(
     ("q", "p", "worst"),
     [
         ([0.6, 0.1, -0.8], [0.8, 0.0, 0.6], r"the constraint x\*\*2 .* is 0\.01 there"),

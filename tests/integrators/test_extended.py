@@ -38,7 +38,7 @@ def pair_map(record: Method, system, h, steps=1):
 
 
 def structure() -> dict:
-    """{method: (defect of symplecticity, distance after a step forth and back) of both copies}, and controls."""
+    """{method: (defect of symplecticity, distance after a step forth and back) of both copies}, and a control."""
     system, q, p = SYSTEMS["coupled"]()
     found, h = {}, to_number(Fraction(1, 40), MULTIPRECISION)
     with precision(40):
@@ -53,16 +53,6 @@ def structure() -> dict:
         cos = extended.cos
         with mock.patch.object(extended, "cos", lambda x: cos(x) * (1 + to_number(Fraction(1, 10**9), MULTIPRECISION))):
             found["no rotation"] = measured(method("tao-2"))
-        prepare = extended.prepare
-
-        def unequal(*arguments):
-            made = prepare(*arguments)
-            made.step.after.flags.writeable = True
-            made.step.after[1] *= 1 + to_number(Fraction(1, 10**9), MULTIPRECISION)
-            return made
-
-        with mock.patch.object(extended, "prepare", unequal):
-            found["unequal halves"] = measured(method("tao-2"))
     return found
 
 
@@ -78,11 +68,8 @@ def test_the_map_of_both_copies_is_symplectic_and_symmetric(there, id):
     assert symmetry < 1e-36
 
 
-def test_controls_of_the_map_of_both_copies(there):
-    """A turn that is no rotation is not symplectic; unequal halves of B are, and are not symmetric."""
+def test_control_a_turn_that_is_no_rotation_is_not_symplectic(there):
     assert there["no rotation"][0] > 1e-12
-    assert there["unequal halves"][0] < 1e-26
-    assert there["unequal halves"][1] > 1e-14
 
 
 def test_free_copies_part_if_h_is_not_separable_and_bound_ones_stay():

@@ -24,56 +24,37 @@ VARIABLES = {"q": Q, "p": P}
 PYTHON = """\
 __import__('os').system('touch X')
 __import__(chr(111)+chr(115)).system(chr(97))
-exec('import os')
-eval(q)
 (lambda:0)()
-{q: p}
 q.__class__.__mro__[1].__subclasses__()
 f'{open(1)}'
-'q'
 q[0]
-(q := p)
-sin(*q)
 sin(x=q)
 sin(q, p)
 q if p else q
-q and p
 q < p
 q, p
-q; import os
 q # p
-__builtins__
 q__
-sympify(q)
 oo
-nan
-None
 q = p
 sin()
 ~q
 (2**100)**100
 q**p
 q/0
-H
-q +
-q q
 log(0)""".splitlines()
 #: Texts with misleading numbers and letters, and what the error message names.
 NUMBERS = [
     ("1_000", "1_000"),
     ("0x10", "0x10"),
-    ("1j", "1j"),
     ("2q", "2q"),
-    ("1.5.2", "1.5."),
     ("010*q", "leading zeros"),
     ("1" * 31, "30 digits"),
     ("1e999", "too large"),
     ("0.1**30*q", "bits"),
     ("\uff51", r"\uff51"),  # a full-width q, which Python reads as q
     ("\u0440**2", r"\u0440"),  # a Cyrillic r
-    ("\u0663*q", r"\u0663"),  # an Arabic digit
     ("q\u200b", r"\u200b"),
-    ("q\0", r"\x00"),
     ("q^2", "**"),
     ("q(p + 1)", "*"),
     ("sin", "function"),
@@ -83,26 +64,19 @@ NUMBERS = [
 #: Formulas on which SymPy would work for hours or exhaust the memory.
 LARGE = [
     "9**9**9**9",
-    "(((q**99)**99)**99)",
     "((1e-300*q)**100)**100",
     "q**100*q**100",
-    "q**1e9",
     "10**-99999",
     "exp(99999999999*log(q))",
     "exp(q + 99999999999*log(3))",
-    "sqrt(exp(99999999999*log(3)))",
     "sin(exp(exp(exp(9))))",
-    "abs(exp(exp(exp(9))) - exp(exp(9)))",
     "q**0.123456789",
     "q**(1/999)*p**(1/998)*q**(1/997)",
     "(q + p + 1)**100",
-    "1/(q + p + 1)**100",
     "*".join(["(q + p)"] * 90) + "*(q**2 + p**3 + 1)**40",
     "((q + p)**30 + sin(q))**30",
     "tan(asin(" * 12 + "q" + "))" * 12,
     "sin(" * 3000 + "q" + ")" * 3000,
-    "-" * 9000 + "q",
-    "2**" * 3000 + "q",
     "q+" * 5000 + "q",
 ]
 
@@ -274,10 +248,8 @@ MEANINGS = [
     ("(354294*q)**0.1", 3 * 6**TENTH * Q**TENTH),
     ("exp(0.5*log(q))", sp.sqrt(Q)),
     ("exp(2*ln(q) + p)", Q**2 * sp.exp(P)),
-    ("(q**2)**3", Q**6),
     ("e**(q*p)*pi", sp.exp(Q * P) * sp.pi),
     ("-q**2 - -q", -(Q**2) + Q),
-    ("+q*-2", -2 * Q),
     ("q - p - 1 + 2", Q - P + 1),
     ("q/p/2*3", 3 * Q / (2 * P)),
     ("1.*q + .5*p + 1e2", Q + P / 2 + 100),

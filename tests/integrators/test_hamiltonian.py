@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from phasebench.integrators import Hamiltonian, InvalidInput
+from phasebench.integrators import ConstrainedHamiltonian, Hamiltonian, InvalidInput, RigidBody, SplitHamiltonian
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from phasebench.integrators.systems.poisson import PoissonSystem
 
 FORMULAE = {
     "q": "x y",
@@ -140,6 +141,8 @@ def test_traits_of_every_kind():
     assert found == kept | {"elementary derivatives", "polynomial degree"}
 
 
+X1, Y1 = sp.symbols("q p", real=True)
+#: What is changed in the arguments of a system, of those below.
 REFUSED = [
     (Hamiltonian, {"q": "q r"}, "2 coordinates and 1 momenta"),
     (Hamiltonian, {"H": "3"}, "none of the coordinates and momenta"),
@@ -151,11 +154,40 @@ REFUSED = [
     (PartitionedSystem, {"dp": []}, "1 and 0 right-hand sides for d = 1"),
     (PartitionedSystem, {"q": "", "p": ""}, "0 coordinates and 0 momenta"),
     (PartitionedSystem, {"q": "p"}, "stands twice"),
+    (PoissonSystem, {"B": [[0, 1], [1, 0]]}, "not skew"),
+    (PoissonSystem, {"B": [[0]]}, r"shape \(1, 1\); for d = 1 it is \(2, 2\)"),
+    (PoissonSystem, {"dp": [X1]}, "not B grad H"),
+    (ConstrainedHamiltonian, {"constraints": ["x*u"]}, "momentum u"),
+    (ConstrainedHamiltonian, {"constraints": ["1"]}, "none of the coordinates"),
+    (ConstrainedHamiltonian, {"constraints": ["x = y = 1"]}, "the character '=' stands in no formula"),
+    (ConstrainedHamiltonian, {"constraints": ["x + k"]}, "'k' is none of the variables"),
+    (ConstrainedHamiltonian, {"constraints": []}, "no constraint"),
+    (ConstrainedHamiltonian, {"constraints": ["x", "y"]}, "as many constraints as coordinates"),
+    (ConstrainedHamiltonian, {"constraints": ["x", "y", "x + y"]}, "more constraints than coordinates"),
+    (SplitHamiltonian, {"parts": ["p**2"]}, "at least two"),
+    (SplitHamiltonian, {"H": "p**2/2 + q**2"}, r"do not add up to H: q\*\*2/2 is left"),
+    (SplitHamiltonian, {"parts": ["p**2/2", "q*z"]}, "'z' is none of the variables q, p"),
+    *((RigidBody, {"moments": of}, "three positive numbers") for of in ((1, 2), (1, 2, -1), (1, 2, "x"))),
+    (RigidBody, {"moments": (1, 2, float("nan"))}, "three positive numbers"),
+    (RigidBody, {"moments": (1, 1, 2.5)}, "no body has the moments 1, 1, 5/2"),
+    (RigidBody, {"V": "r44"}, "r44"),
+    (RigidBody, {"V": "p0*r33"}, "p0"),
 ]
+GOOD = {
+    Hamiltonian: {"q": "q", "p": "p", "H": "p**2/2 + q"},
+    PartitionedSystem: {"q": "q", "p": "p", "dq": ["p"], "dp": ["-p"]},
+    PoissonSystem: {"q": [X1], "p": [Y1], "B": [[0, 1], [-1, 0]], "H": X1 + Y1, "dq": [1], "dp": [-1]},
+    ConstrainedHamiltonian: {"q": "x y", "p": "u v", "H": "u**2 + v**2", "constraints": ["x"]},
+    SplitHamiltonian: {"q": "q", "p": "p", "parts": ["p**2/2", "q**2/2"]},
+    RigidBody: {"moments": (1, "3/2", 2), "V": "r33"},
+}
 
 
 @pytest.mark.parametrize(("kind", "given", "message"), REFUSED)
 def test_an_invalid_system_is_refused(kind, given, message):
-    good = {"H": "p**2/2 + q"} if kind is Hamiltonian else {"dq": ["p"], "dp": ["-p"]}
     with pytest.raises(InvalidInput, match=message):
-        kind(**{"q": "q", "p": "p"} | good | given)
+        kind(**GOOD[kind] | given)
+
+
+def test_control_the_others_are_systems():
+    assert all(kind(**good).d for kind, good in GOOD.items())

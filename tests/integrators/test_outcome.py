@@ -85,10 +85,6 @@ def test_random_walks_rarely_and_drifts_nearly_always_grow():
     share = [np.mean([outcome.grows(np.append(0.0, np.abs(w)), 1e9) for w in rows]) for rows in (walks, bounded, drift)]
     assert share[0] < 0.4
     assert share[1:] == [0.0, 1.0]
-    jumps = np.random.default_rng(5).uniform(0.1, 0.9, (50, 1)) * np.ones(len(T))
-    for k in range(1, len(T)):  # the logistic map at 4: bounded chaos does not count as growth
-        jumps[:, k] = 4 * jumps[:, k - 1] * (1 - jumps[:, k - 1])
-    assert {judge(OSCILLATOR, T, *circle(1 + 30 * x)).status for x in jumps} == {"inaccurate"}
 
 
 def test_growth_with_conserved_energy_is_reported():
@@ -209,9 +205,6 @@ def euler(system, q, p, h):
 def test_a_users_step_function_is_judged(every):
     for options, status in (({"h": 0.1, "t_end": 100}, "unstable"), ({"h": 1e-4, "t_end": 1}, "ok")):
         assert pb.integrate("harmonic-oscillator", euler, **options, save_every=every).status == status
-    s = pb.integrate("harmonic-oscillator", euler, h=1e-7, steps=10**9, save_every=0, time_limit=0.1)
-    assert (s.status, len(s.q)) == ("timeout", 2)
-    assert s.t[-1] == s.counts["steps"] * 1e-7 > 0
 
 
 def test_rows_of_a_peer_are_judged():

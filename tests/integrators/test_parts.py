@@ -68,19 +68,6 @@ def test_a_part_without_a_known_flow_is_named(part):
     assert "split it further" in str(told.value)
 
 
-@pytest.mark.parametrize(
-    ("parts", "more", "said"),
-    [
-        (["p1**2"], {}, "at least two"),
-        (["p1**2/2", "q1**2/2"], {"H": "p1**2/2 + q1**2"}, r"do not add up to H: q1\*\*2/2 is left"),
-        (["p1**2/2", "q1*x"], {}, "'x' is none of the variables q1, q2, p1, p2"),
-    ],
-)
-def test_bad_parts(parts, more, said):
-    with pytest.raises(InvalidInput, match=said):
-        split(*parts, **more)
-
-
 # -- the methods -------------------------------------------------------------------------------------------------------
 
 

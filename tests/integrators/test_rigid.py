@@ -68,23 +68,6 @@ def test_a_potential_in_quaternions_is_that_of_the_matrix():
 
 
 @pytest.mark.parametrize(
-    ("moments", "V", "said"),
-    [
-        ((1, 2), "0", "three positive numbers"),
-        ((1, 2, -1), "0", "three positive numbers"),
-        ((1, 2, "x"), "0", "three positive numbers"),
-        ((1, 2, float("nan")), "0", "three positive numbers"),
-        ((1, 1, 2.5), "0", "no body has the moments 1, 1, 5/2"),
-        (MOMENTS, "r44", "r44"),
-        (MOMENTS, "p0*r33", "p0"),
-    ],
-)
-def test_bad_bodies(moments, V, said):
-    with pytest.raises(InvalidInput, match=said):
-        RigidBody(moments=moments, V=V)
-
-
-@pytest.mark.parametrize(
     ("attitude", "momentum"), [((1, 0, 0), (1, 0, 0)), ((0, 0, 0, 0), (1, 0, 0)), ((1, 0, 0, 0), 1), ("x", (1, 0, 0))]
 )
 def test_bad_starts(attitude, momentum):

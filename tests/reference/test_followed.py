@@ -46,16 +46,6 @@ def test_a_saddle_magnifies_rounding_errors(lam, t):
     assert 0.1 * expected < truths.truth(made, END_STATE, t).rounding < 10 * expected
 
 
-def test_displacements_at_few_of_many_steps_are_larger():
-    """A random walk of n steps, displaced after every k-th of them by k^1/2 as much, spreads alike."""
-    spread = []
-    for steps in (followed.KICKS, 100 * followed.KICKS):
-        kicks = [followed._kicks(k, steps) for k in range(200)]
-        spread.append(np.std([(kick(np.ones(2, np.longdouble)) - 1).astype(float) for kick in kicks]))
-    assert spread[0] == pytest.approx(followed.DISPLACEMENT / 3**0.5, rel=0.1, abs=0)
-    assert spread[1] == pytest.approx(10 * spread[0], rel=1e-3, abs=0)
-
-
 def test_a_stable_orbit_is_exact_to_double_rounding():
     found = truths.truth(problem("harmonic-oscillator"), END_STATE, 33.3)
     assert found.uncertainty < 2 * 2.0**-52 * np.abs(found.values).max()

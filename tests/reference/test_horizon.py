@@ -56,13 +56,6 @@ def test_distances_and_errors_are_running_maxima():
     assert make.errors(digits, [1.0, 2.0, 4.0], path([1.0, 2.0, 4.0])) == about([1e-34, 1e-34, 3e-34], rel=1e-9)
 
 
-def test_a_neighbour_of_an_oscillator_keeps_its_distance():
-    grid = [0.5, np.pi, 6.0]
-    near = taylor.states(OSCILLATOR, np.longdouble, (1.0,), (0.0,), grid)
-    found = horizon.neighbour(fake_problem(), grid, near)
-    assert found == about(horizon.SHIFT * np.array([np.cos(0.5), 1.0, 1.0]), rel=1e-3)
-
-
 def test_growth_is_algebraic_or_exponential():
     """Fitted over the later three quarters of the time until the neighbour is lost; NaN for one that has not moved."""
     grid, size = np.arange(1.0, 101.0), np.ones(100)
@@ -207,20 +200,3 @@ def test_gauss_and_ias15_agree_within_uncertainties_that_say_something():
 
 def test_a_solvers_uncertainty_is_of_the_largest_difference_so_far():
     assert others.uncertainty([1.0, 3.0, 2.0], np.array([0.1, 0.2, 0.3])).tolist() == [4.1, 12.2, 12.3]
-
-
-def test_gauss_and_ias15_report_at_the_times(monkeypatch):
-    given, ias15 = [], ([np.array([1.0, 0.25]), np.array([1.0, 0.125])], [7, 8])
-
-    def far(problem, path, unit):
-        given.append(unit)
-        return np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0])
-
-    monkeypatch.setattr(others, "_gauss", far)
-    for other in (ias15, None):
-        monkeypatch.setattr(others, "_ias15", lambda problem, times, unit, other=other: other)
-        apart = np.array([0.0, 3.0, 20.0]) * horizon.SHIFT
-        said = others.words(fake_problem(), [1.0, 2.0], path([0.5, 1.0, 2.0]), apart)
-        assert given[-1] == about([1.0, 3.0, 20.0]), "the state's size, or what a neighbour grew by"
-        told = [[(c.distance, c.uncertainty) for c in checks] for checks in said]
-        assert told == ([[(2, 5), (0.25, 7)], [(3, 6), (0.25, 8)]] if other else [[(2, 5)], [(3, 6)]])

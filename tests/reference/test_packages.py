@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian, InvalidInput, integrate
+from phasebench.integrators import InvalidInput, integrate
 from phasebench.reference.peers import (
     PEERS,
     diffrax,
@@ -24,7 +24,6 @@ from support.needs import need
 from support.solutions import last
 
 PENDULUM = problem("pendulum")
-BLOWN_UP = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
 
 
 def apart(a, b) -> float:
@@ -108,9 +107,6 @@ def test_jax_md_rounds_the_step_to_single_precision():
     need("jax_md")
     for h, low, high in ((0.0625, 0.0, 1e-13), (0.05, 1e-9, 1e-6)):
         assert low <= apart_from_ours(PENDULUM, "jax-md-nve", "stormer-verlet", h=h, steps=64) <= high
-
-
-# -- desolver, pyhamsys -----------------------------------------------------------------------------------------------
 
 
 # -- pynamicalsys, MuJoCo, OpenMM -------------------------------------------------------------------------------------
