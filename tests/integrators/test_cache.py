@@ -114,17 +114,6 @@ def test_damaged_machine_code_is_compiled_again(place, suffix, damage):
     assert [compile_or_load()[1] for _ in range(2)] == [False, True]
 
 
-@pytest.mark.parametrize("content", [b"no pickle", b"cphasebench.nothing\nsuch\n."])
-def test_unusable_content_under_a_valid_seal_is_compiled_again(place, content):
-    compile_or_load()
-    (home,) = place.iterdir()
-    for path in home.glob("**/*.nbc"):
-        path.write_bytes(content)
-    (home / cache.SEAL).unlink()
-    cache.seal(home.name)
-    assert [compile_or_load()[1] for _ in range(2)] == [False, True]
-
-
 def test_the_version_depends_on_overloads(place, tmp_path, monkeypatch):
     """No kernel names them, so that its own digest does not hold them; a docstring is no part of them."""
     usual = cache.version.__wrapped__()

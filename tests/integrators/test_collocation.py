@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.measure.battery import SYSTEMS
-from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import dop853, quadrature, tableaus
@@ -173,21 +172,6 @@ def test_double_rules_integrate_linear_functions_exactly(id, name):
         exact = quadrature.gauss_legendre(len(c))
         assert max(abs(float(x - y)) for x, (y, _) in zip(map(mpmath.mpf, map(float, c)), exact, strict=True)) < 1.2e-16
         assert max(abs(float(x - y)) for x, (_, y) in zip(map(mpmath.mpf, map(float, b)), exact, strict=True)) < 2e-16
-
-
-def test_the_energy_error_of_gauss_6_is_a_random_walk():
-    """Brouwer's law. h is not a simple fraction: products of a double and h = 1/10 have a biased round-off."""
-    random, errors = np.random.default_rng(0), []
-    for _ in range(16):
-        q, p = (np.array(x) * (1 + 0.02 * random.standard_normal(2)) for x in (BOX.q0, BOX.p0))
-        s = integrate(BOX, BY_ID["gauss-6"], h=0.09, steps=50_000, save_every=500, q0=q, p0=p)
-        E = BOX.system.observe(BOX.system.H, s.q, s.p)
-        errors.append((E[1:] - E[0]) / E[0])
-    errors = np.array(errors)
-    growth = slope(np.log(np.arange(1, 101)), 0.5 * np.log((errors**2).mean(0)))
-    assert 0.3 < growth.value < 0.7
-    assert abs(errors[:, -1].mean()) < 4 * errors[:, -1].std() / 16**0.5
-    assert np.abs(errors).max() < 2e-14
 
 
 # -- the kernel -------------------------------------------------------------------------------------------------------

@@ -1,9 +1,8 @@
-"""The family in the contract's docstring runs on every kind of number as the built-in method that it is."""
+"""The family in the contract's docstring runs on tuples and arrays as the built-in method that it is."""
 
 from __future__ import annotations
 
 import inspect
-import json
 import sys
 import textwrap
 from dataclasses import replace
@@ -14,12 +13,10 @@ import pytest
 
 import phasebench as pb
 from phasebench.integrators.compile import codegen
-from phasebench.integrators.driver import integrate
 from phasebench.integrators.stepping import kernel, loop, solve
 from phasebench.integrators.values import vector
-from support.kinds import lanes_and_one_apart
 from support.marks import compiled
-from support.solutions import apart, end
+from support.solutions import end
 from support.systems import chain
 
 
@@ -31,19 +28,12 @@ def example() -> str:
 
 
 @pytest.fixture
-def pair(monkeypatch):
-    return pair_of(monkeypatch)
-
-
-def pair_of(patch) -> tuple:
-    """(a method of the family in the docstring, the built-in method that it must equal).
-
-    The family's module is removed with the patch.
-    """
+def pair(monkeypatch) -> tuple:
+    """(a method of the family in the docstring, the built-in method that it must equal)."""
     twin, module = pb.method("implicit-midpoint"), ModuleType("phasebench.integrators.families.midpoint_example")
     for source in (vector, solve, kernel, loop):
         vars(module).update({k: v for k, v in vars(source).items() if not k.startswith("__")})
-    patch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
     exec(compile(example(), "<example>", "exec"), vars(module))
     return replace(twin, id="midpoint-example", family="midpoint_example"), twin
 
@@ -66,20 +56,3 @@ def test_runs_on_arrays_as_the_registered_method(pair):
     q0, p0 = np.sin(np.arange(n)), np.zeros(n)
     ends = [end(pb.integrate(system, m, h=0.02, steps=20, q0=q0, p0=p0)) for m in pair]
     assert np.abs(ends[0] - ends[1]).max() < 1e-13
-
-
-def test_runs_in_many_digits_as_the_registered_method(uncompiled):
-    assert uncompiled("integrators/test_family_contract.py") < 1e-36
-
-
-@compiled
-def test_orbits_in_lanes_end_as_one_alone(pair):
-    assert lanes_and_one_apart(pb.Hamiltonian(**SMALL), pair[0], [0.5, 0.2], [0.1, 0.4], 0.02) < 1e-13
-
-
-if __name__ == "__main__":
-    start = {"q0": [0.5, 0.2], "p0": [0.1, 0.4], "arithmetic": codegen.MULTIPRECISION}
-    with codegen.precision(40), pytest.MonkeyPatch.context() as patch:
-        system = pb.Hamiltonian(**SMALL)
-        ends = [end(integrate(system, m, h=0.05, steps=5, **start)) for m in pair_of(patch)]
-        print(json.dumps({"result": float(apart(*ends))}))

@@ -208,40 +208,6 @@ def test_control_a_foreign_expression_is_seen():
     assert not any(map(is_allowed, (sp.Symbol("z") + Q, sp.gamma(Q), sp.I * Q)))
 
 
-def _grown(children):
-    """Strategy of expressions built from smaller ones."""
-    two = st.tuples(children, children)
-    return st.one_of(
-        two.map(lambda ab: ab[0] + ab[1]),
-        children.map(lambda a: sp.exp(-a * Q) + sp.Abs(P)),
-        two.map(lambda ab: ab[0] - 3 * ab[1]),
-        two.map(lambda ab: ab[0] * ab[1]),
-        two.map(lambda ab: ab[0] / (ab[1] ** 2 + 1)),
-        st.tuples(children, st.sampled_from(["1/2", "1/3", "2", "-1", "-3/2"])).map(
-            lambda an: (an[0] ** 2 + 1) ** sp.Rational(an[1])
-        ),
-        st.tuples(st.sampled_from([sp.sin, sp.cos, sp.tanh, sp.atan]), children).map(lambda fa: fa[0](fa[1])),
-    )
-
-
-leaves = st.one_of(st.sampled_from([Q, P, sp.pi]), st.integers(-9, 9).map(sp.Integer), st.just(sp.Rational(0.1)))
-
-
-@pytest.mark.timeout(60)
-@settings(max_examples=100, deadline=None)
-@given(st.recursive(leaves, _grown, max_leaves=5))
-def test_printed_expressions_are_read_back(expression):
-    """The text of an expression is read as the same expression, or refused for the size of a number in it."""
-    try:
-        found = parse(str(expression), VARIABLES)
-    except InvalidInput as error:
-        assert any(word in str(error) for word in ("digits", "bits", "terms", "too large", "size"))  # noqa: PT017
-        return
-    at = {Q: sp.Rational(3, 7), P: sp.Rational(-5, 11)}
-    a, b = (sp.N(e.subs(at), 30) for e in (found, expression))
-    assert abs(a - b) <= sp.Float("1e-25") * (1 + abs(b))
-
-
 TENTH = sp.Rational(1, 10)
 MEANINGS = [
     ("q**0.1", Q**TENTH),

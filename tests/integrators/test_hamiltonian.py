@@ -7,6 +7,7 @@ import pytest
 import sympy as sp
 
 from phasebench.integrators import ConstrainedHamiltonian, Hamiltonian, InvalidInput, RigidBody, SplitHamiltonian
+from phasebench.integrators.systems import shared
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 from phasebench.integrators.systems.poisson import PoissonSystem
 
@@ -191,3 +192,56 @@ def test_an_invalid_system_is_refused(kind, given, message):
 
 def test_control_the_others_are_systems():
     assert all(kind(**good).d for kind, good in GOOD.items())
+
+
+# -- expressions in shared form ----------------------------------------------------------------------------------------
+
+
+SYMBOLS = sp.symbols("x y z u", real=True)
+POINT = (0.7, -1.3, 0.4, 1.9)
+
+
+def value(definitions, expression):
+    known = dict(zip(SYMBOLS, POINT, strict=True))
+    for symbol, e in definitions:
+        known[symbol] = sp.N(e.xreplace(known), 30)
+    return float(sp.N(sp.sympify(expression).xreplace(known), 30))
+
+
+def formula(rng, depth=3):
+    """A random formula that is smooth at `POINT`: sums, products, roots and powers of positive sums, sines."""
+    if depth == 0:
+        return rng.choice(SYMBOLS) * sp.Rational(int(rng.integers(1, 5)), int(rng.integers(1, 3)))
+    a, b = formula(rng, depth - 1), formula(rng, depth - 1)
+    positive = a**2 + b**2 + 1
+    power = sp.Rational(int(rng.choice([-7, -4, -3, -2, -1, 1])), int(rng.choice([1, 2])))
+    return [a + b, a - b, a * b, a * positive**power, sp.sin(a - b), (a - b) / positive + b / positive**3][
+        rng.integers(6)
+    ]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_derivatives_of_random_formulae(seed):
+    e = formula(np.random.default_rng(seed))
+    for derive in (shared.gradient, shared.lighter_gradient):
+        definitions, found = derive(e, SYMBOLS)
+        for x, slope in zip(SYMBOLS, found, strict=True):
+            right = value((), sp.diff(e, x))
+            assert value(definitions, slope) == pytest.approx(right, rel=1e-12, abs=1e-12)
+    steps = shared.Steps()
+    found = steps.rate(e, {SYMBOLS[0]: SYMBOLS[3], SYMBOLS[1]: sp.Integer(2)})
+    right = value((), sp.diff(e, SYMBOLS[0]) * SYMBOLS[3] + 2 * sp.diff(e, SYMBOLS[1]))
+    assert value(steps.definitions, found) == pytest.approx(right, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["a", "z"])
+def test_shared_products_are_finite_where_the_expressions_are(name):
+    """Whatever names sort first, x/r is shared by x/r and x^2/r^2, and not r/x, which is infinite at x = 0."""
+    x, r = sp.Symbol(name, real=True), sp.Symbol("r", real=True)
+    definitions, found = shared.gradient(x**2 / (1 + r) ** 2 + x * r / (1 + r), [x, r])
+    for zero in (x, r):
+        known = {x: sp.Rational(1, 3), r: sp.Rational(1, 5)} | {zero: sp.Integer(0)}
+        for symbol, e in definitions:
+            known[symbol] = e.xreplace(known)
+            assert known[symbol].is_finite
+        assert all(e.xreplace(known).is_finite for e in found)

@@ -16,17 +16,18 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from phasebench.benchmarks.measure.battery import SYSTEMS, as_problem
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian, integrate
+from phasebench.integrators import Hamiltonian, driver, integrate, integrate_ensemble, prepare, trajectory
 from phasebench.integrators.compile import codegen, machine
 from phasebench.integrators.prepared import prepare as prepared_run
+from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.records.collocation import hbvm
 from phasebench.integrators.records.projection import projection_method
 from phasebench.integrators.registry import BY_ID, METHODS, method
 from phasebench.integrators.stepping import kernel as stepping
 from support import counts, plain, stiff, stops
-from support.kinds import arrays_and_tuples_apart
 from support.marks import compiled
 from support.one_of_each import FIRST, kinds
+from support.plain import systems_for
 from support.slips import leaves, replace_at
 from support.solutions import last
 
@@ -74,13 +75,20 @@ def test_control_another_coefficient_ends_elsewhere(label):
 @pytest.mark.parametrize(
     "id", ["dop853", "symplectic-euler-q", "implicit-midpoint", "scheme-ii", "avf", "variational-lobatto-3"]
 )
-def test_arrays_and_tuples_agree(id):
-    assert arrays_and_tuples_apart(id) < 1e-12
+def test_arrays_and_tuples_agree(id, monkeypatch):
+    """The system is made anew for each because functions are cached on it."""
+    made, ends = problem("henon-heiles"), []
+    for limit, kind in ((codegen.TUPLE_LIMIT, "tuple"), (1, "array")):
+        monkeypatch.setattr(codegen, "TUPLE_LIMIT", limit)
+        system = Hamiltonian(q=made.system.q, p=made.system.p, H=made.system.H)
+        assert codegen.value_kind(system.d) == kind
+        ends.append(last(integrate(system, id, h=0.05, steps=200, q0=made.q0, p0=made.p0)))
+    assert np.abs(ends[0] - ends[1]).max() < 1e-12
 
 
 # -- time and units ----------------------------------------------------------------------------------------------------
 
-#: A magnetic field has to be turned round, too: test_magnetic.py. Steps that vary are chosen in each of their kinds.
+#: A magnetic field would have to be turned round, too. Steps that vary are chosen in each of their kinds.
 VARYING = ("adaptive", "field", "wisdom_holman")
 TURNED = {x: m for x, m in kinds().items() if m is FIRST[m.family] or m.family in VARYING}
 
@@ -279,6 +287,118 @@ def test_control_the_compiler_refuses_allocations():
     assert numba.njit(**large)(allocates)(0) == 0
     with pytest.raises(numba.core.errors.NumbaError):
         numba.njit(**small)(allocates)(0)
+
+
+# -- steps too long for fixed-point iteration --------------------------------------------------------------------------
+
+
+#: Bound on errors; states are of size 1, energies of 50, entries of the Jacobian of 60.
+BOUND = 1e-12
+
+
+@pytest.fixture(scope="module")
+def results_of(of_each):
+    """Function: label of a method -> its results from `support.stiff.of`, runs with steps solved by Newton's method."""
+    return of_each(stiff)
+
+
+@pytest.mark.parametrize("label", stiff.METHODS)
+def test_doubles_and_multiprecision_solve_the_same_equations(results_of, label):
+    found = results_of(label)
+    assert found["steps"] == 3 * [stiff.STEPS]
+    assert min(found["newton"]) >= stiff.STEPS
+    assert found["apart"] < BOUND
+
+
+@pytest.mark.parametrize("label", [label for label, m in stiff.METHODS.items() if m.symmetric])
+def test_symmetric_methods_return(results_of, label):
+    assert results_of(label)["back"] < BOUND
+
+
+@pytest.mark.parametrize("label", [label for label, m in stiff.METHODS.items() if m.energy == ROUND_OFF])
+def test_energy_is_conserved_where_declared(results_of, label):
+    assert results_of(label)["energy"] < BOUND
+
+
+def test_control_other_methods_neither_return_nor_conserve_energy(results_of):
+    assert results_of("implicit-euler")["back"] > 0.1
+    assert results_of("implicit-midpoint")["energy"] > 0.01
+
+
+def test_every_family_is_tested():
+    assert {m.family for m in stiff.METHODS.values()} == stiff.FAMILIES
+
+
+# -- what is carried from step to step: rows, calls of the kernel and neighbours change nothing ------------------------
+
+
+#: The first of each family, and those that keep more than it: a copy, a relaxed time, a corrector, a processor.
+IDS = [
+    *(m.id for m in FIRST.values()),
+    *("tao-2", "scheme-v", "rk4-relaxation", "wisdom-holman-corrector", "blanes-casas-ros-p3"),
+    *("implicit-midpoint-symmetric-projection", "lie-midpoint", "he-splitting-4", "gauss-8-adaptive", "cpg-2"),
+]
+STEPS, H = 30, 0.05
+
+
+def start(id: str) -> tuple:
+    """(system, q, p) on which a method runs."""
+    return SYSTEMS[systems_for(method(id))[0]]()
+
+
+@pytest.mark.parametrize("id", dict.fromkeys(IDS))
+def test_rows_and_calls_of_the_kernel_do_not_change_the_orbit(id, monkeypatch):
+    system, q, p = start(id)
+    every, some = (integrate(system, id, h=H, steps=STEPS, q0=q, p0=p, save_every=n) for n in (1, 7))
+    for module in (driver, trajectory):
+        monkeypatch.setattr(module, "PIECE", 4)
+    pieces = integrate(system, id, h=H, steps=STEPS, q0=q, p0=p, save_every=0)
+    run = prepare(system, id, q0=q, p0=p)
+    run(0.9 * H, 5)
+    again = np.concatenate(run(H, STEPS)[:2])
+    assert every.status == some.status == pieces.status == "ok"
+    assert np.abs(some.q[:-1] - every.q[:-1:7]).max() < 1e-14
+    end = np.concatenate([every.q[-1], every.p[-1]])
+    for s in (some, pieces):
+        assert np.abs(np.concatenate([s.q[-1], s.p[-1]]) - end).max() < 1e-14
+    assert np.abs(again - end).max() < 1e-14
+    assert np.abs(end - [*q, *p]).max() > 1e-3
+
+
+@pytest.mark.parametrize("id", dict.fromkeys(IDS))
+def test_orbits_side_by_side_are_those_alone(id):
+    system, q, p = start(id)
+    n = 9
+    P = np.array(p) * (1 + np.linspace(0, 0.05, n))[:, None]
+    many = integrate_ensemble(system, id, np.tile(q, (n, 1)), P, h=H, steps=STEPS)
+    assert set(many.status) == {"ok"}
+    for k in (0, 4, n - 1):
+        alone = integrate(system, id, h=H, steps=STEPS, q0=q, p0=P[k], save_every=0)
+        assert np.abs(np.concatenate([many.q[k] - alone.q[-1], many.p[k] - alone.p[-1]])).max() < 1e-13
+    assert np.ptp(many.q[:, 0]) > 1e-4, "the control: the orbits differ"
+
+
+def momentum_of_leapfrog(h: float, steps: int) -> float:
+    """The largest change of the angular momentum on the Kepler problem by leapfrog, as plain sums."""
+    x, y, u, v = 0.8, 0.3, -0.2, 0.9
+    L, worst = x * v - y * u, 0.0
+    for _ in range(steps):
+        x, y = x + h / 2 * u, y + h / 2 * v
+        f = -h / (x * x + y * y) ** 1.5
+        u, v = u + f * x, v + f * y
+        x, y = x + h / 2 * u, y + h / 2 * v
+        worst = max(worst, abs(x * v - y * u - L))
+    return worst
+
+
+@pytest.mark.parametrize("id", ["wisdom-holman", "stormer-verlet", "pefrl", "chin-4a", "gauss-2"])
+def test_what_rounding_loses_of_a_step_is_carried_to_the_next(id):
+    """Short steps keep the angular momentum to round-off; plain sums (the control) lose ten times as much."""
+    system, q, p = SYSTEMS["perturbed-kepler"]()
+    s = integrate(system, id, h=1e-3, steps=100_000, save_every=1000, q0=q, p0=p)
+    L = s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0]
+    assert np.abs(L - L[0]).max() < 2e-15
+    assert momentum_of_leapfrog(1e-3, 100_000) > 1e-14
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from fractions import Fraction
 from pathlib import Path
 from types import ModuleType
@@ -155,27 +154,6 @@ def test_conditions_select_lane_by_lane():
     rows = [np.where(held, a, b) for a, b in ((x, y), (2 * x, -y), (x, 7), (0.5, y), (y, x))]
     rows += [np.where((x < 3) & ~(x < 2), np.nan, x), held & odd, held | odd, ~held, ~held & ~odd]
     np.testing.assert_array_equal(out, rows)
-
-
-@njit(**TUPLES)
-def _functions(table, out, n, a):
-    x = take(table, 0, LIKE)
-    put(out, 0, math.tan(x), LIKE)
-    put(out, 1, math.log(x), LIKE)
-    put(out, 2, math.asin(x), LIKE)
-    put(out, 3, math.acos(x), LIKE)
-    put(out, 4, math.atan(x), LIKE)
-    put(out, 5, math.sin(x), LIKE)
-    put(out, 6, math.tanh(x), LIKE)
-    put(out, 7, x**n, LIKE)
-    put(out, 8, x**a, LIKE)
-
-
-def test_functions_apply_to_each_lane():
-    x, out = np.linspace(0.1, 0.9, WIDTH), np.empty((9, WIDTH))
-    _functions(x[None], out, 3, -0.7)
-    wanted = [np.tan(x), np.log(x), np.arcsin(x), np.arccos(x), np.arctan(x), np.sin(x), np.tanh(x), x**3, x**-0.7]
-    np.testing.assert_allclose(out, wanted, rtol=1e-15)
 
 
 x, y, z, w = sp.symbols("x y z w", positive=True)

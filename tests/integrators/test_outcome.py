@@ -1,16 +1,20 @@
-"""What is said of a run at its end, on made-up rows within and beyond each limit, and for all who integrate."""
+"""What is said of a run at its end: made-up rows within and beyond each limit, pieces of a run, extreme inputs."""
 
 from __future__ import annotations
 
 import json
+import time
+from math import pi
 
 import numpy as np
 import pytest
 
 import phasebench as pb
 from phasebench.benchmarks.problems import PROBLEMS, problem
-from phasebench.integrators import Hamiltonian, integrate, outcome
+from phasebench.integrators import Hamiltonian, integrate, outcome, trajectory
+from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.outcome import describe_approach, describe_crossing, describe_escape, judge
+from phasebench.integrators.stepping import solve
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 from phasebench.integrators.trajectory import PIECE, Pace, Trajectory
 from phasebench.reference.peers.run import ending
@@ -78,15 +82,6 @@ def test_growing_and_bounded_errors_are_told_apart(energy, grown):
     assert outcome.grows(np.abs(energy - energy[0]), 1.0) == grown
 
 
-def test_random_walks_rarely_and_drifts_nearly_always_grow():
-    walks = np.random.default_rng(7).standard_normal((400, 2000)).cumsum(axis=1)
-    bounded = np.abs(np.random.default_rng(8).standard_normal((400, 2000)))
-    drift = bounded + np.linspace(0, 20, 2000)
-    share = [np.mean([outcome.grows(np.append(0.0, np.abs(w)), 1e9) for w in rows]) for rows in (walks, bounded, drift)]
-    assert share[0] < 0.4
-    assert share[1:] == [0.0, 1.0]
-
-
 def test_growth_with_conserved_energy_is_reported():
     """That a fall along y grows to 200 times the initial size is told, unless its energy was lost before that."""
     plane, t = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - y"), np.linspace(0, 20, 41)
@@ -111,7 +106,7 @@ def test_a_last_step_longer_than_the_distance_is_reported():
 
 
 #: Two singularities; the rows pass the first one along x, at the distance 0.1.
-KEPLER = Hamiltonian(
+CENTRES = Hamiltonian(
     q="x y",
     p="u v",
     H="(u**2 + v**2)/2 - 1/sqrt(x**2 + y**2) - 1e-9/sqrt((x - 40)**2 + (y - 9)**2)",
@@ -138,14 +133,14 @@ def flyby(x, H):
     ],
 )
 def test_an_encounter_is_reported_where_energy_is_lost(x, H, h, said):
-    found = describe_crossing(KEPLER, T[::10], *flyby(x, H), h)
+    found = describe_crossing(CENTRES, T[::10], *flyby(x, H), h)
     assert (found is None) if said is None else said in found
 
 
 def test_a_head_on_motion_is_reported_at_its_first_row():
     Q, P = flyby(PAST, [1, 1, 1, 1, 1])
     Q[2:4, 1] = 0.0
-    assert "head-on after t = 2;" in describe_crossing(KEPLER, T[::10], Q, P, 0.2)
+    assert "head-on after t = 2;" in describe_crossing(CENTRES, T[::10], Q, P, 0.2)
 
 
 @pytest.mark.parametrize(("sign", "status"), [("+", "ok"), ("-", "collision")])
@@ -215,6 +210,201 @@ def test_rows_of_a_peer_are_judged():
     assert ending(problem("lotka-volterra").system, T[:3], *outside, None)[::2] == ("diverged", 1)
     free = PartitionedSystem(q="q", p="p", dq=["q"], dp=["0"])
     assert integrate(free, "rk4", h=0.1, t_end=50, q0=[1.0], p0=[0.0]).status == "ok", "without energy"
+
+
+# -- the pieces in which a kernel is called, with a made-up kernel -----------------------------------------------------
+
+
+#: A free motion without an energy.
+MOVED = PartitionedSystem(q="q", p="p", dq=["p"], dp=["0"])
+ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
+
+
+class Kernel:
+    """Made-up kernel that counts steps in q; at the step ``end`` it stops with ``code`` or sets q = ``worth``.
+
+    Each step adds ``missing`` to the count of fallbacks.
+    """
+
+    def __init__(self, end=None, code=solve.SOLVED, worth=None, missing=0.0, slept=0.0):
+        self.end, self.code, self.worth, self.missing = end, code, worth, missing
+        self.step, self.calls, self.slept = 0, [], slept
+
+    @property
+    def counts(self):
+        return np.rec.array([(self.missing * self.step,)], dtype=[("fallbacks", float)])[0]
+
+    def __call__(self, Q, P, parameter, every):
+        self.calls.append((len(Q), every))
+        time.sleep(self.slept)
+        for row in range(len(Q)):
+            for _ in range(every):
+                self.step += 1
+                if self.step == self.end and self.code:
+                    return row, self.code
+            Q[row], P[row], parameter[row] = self.step, 1.0, -self.step
+            if self.worth is not None and self.end <= self.step < self.end + every:
+                Q[row] = self.worth
+        return len(Q), solve.SOLVED
+
+
+def ran(kernel, steps=10, every=1, system=MOVED, timeout=None, missed="", piece=None):
+    """The trajectory of a kernel from q = 0, p = 1 with h = 1/2, run to its end."""
+    t = Trajectory(system, [0.0], [1.0], 0.5, steps, every, "double", missed)
+    pace = Pace(timeout)
+    pace.steps = piece or pace.steps
+    while t:
+        t.advance(kernel, pace)
+    t.conclude(timeout, int(kernel.counts.fallbacks))
+    return t
+
+
+@pytest.mark.parametrize(("steps", "every"), [(10, 1), (10, 3), (23, 7), (4, 4), (15, 5)])
+@pytest.mark.parametrize("piece", [1, 5, 1000])
+def test_rows_do_not_depend_on_the_pieces(monkeypatch, steps, every, piece):
+    monkeypatch.setattr(trajectory, "PIECE", piece)
+    kernel = Kernel()
+    t = ran(kernel, steps, every, piece=piece)
+    numbers = [*range(0, steps, every), steps]
+    assert t.q[:, 0].tolist() == t.index.tolist() == numbers
+    assert t.times.tolist() == [0.5 * n for n in numbers]
+    assert t.parameter[:, 0].tolist() == [-n for n in numbers[1:]]
+    assert (t.status, t.reason, t.filled, t.reached) == ("ok", "", len(numbers) - 1, steps)
+    assert sum(n * size for n, size in kernel.calls) == steps
+    assert max(n * size for n, size in kernel.calls) <= piece
+
+
+@pytest.mark.parametrize(("every", "filled"), [(1, 6), (3, 2), (10, 0), (4, 1)])
+@pytest.mark.parametrize(
+    ("kernel", "system", "status"),
+    [
+        ({"worth": np.nan}, MOVED, "diverged"),
+        ({"worth": np.inf}, MOVED, "diverged"),
+        ({"worth": -1.0}, ROOT, "diverged"),
+        ({"worth": -1.0}, MOVED, "ok"),
+        ({"code": solve.NOT_FINITE}, MOVED, "diverged"),
+        ({"code": solve.STALLED}, MOVED, "not-converged"),
+        ({"code": solve.OUT_OF_STEP}, MOVED, "not-converged"),
+    ],
+)
+def test_rows_end_before_the_first_bad_one(kernel, system, status, every, filled):
+    """That is not finite, outside the domain of H, or not reached."""
+    t = ran(Kernel(end=7, **kernel), every=every, system=system)
+    assert t.status == status
+    if status != "ok":
+        assert t.filled == filled
+        assert f"after step {filled * every} of 10 (t = {0.5 * every * filled:.6g})" in t.reason
+
+
+def test_the_state_reached_within_a_row_is_kept(monkeypatch):
+    monkeypatch.setattr(trajectory, "PIECE", 5)
+    for kernel in (Kernel(end=7, code=solve.STALLED), Kernel(end=7, worth=np.nan)):
+        t = ran(kernel, steps=20, every=10, piece=5)
+        assert (t.filled, t.reached, t.q[:2, 0].tolist(), t.times.tolist()) == (1, 5, [0, 5], [0, 2.5])
+
+
+@pytest.mark.parametrize(("size", "status"), [(2.1e6, "diverged"), (1.9e6, "not-converged")])
+def test_a_stop_after_great_growth_is_a_divergence(size, status):
+    """From a state of size 1: the limit is a million times one plus that size."""
+    t = Trajectory(MOVED, [0.0], [1.0], 0.5, 10, 1, "double")
+    t.advance(Kernel(end=1, worth=size), Pace(None, 1))
+    t._explain_stop(solve.STALLED)
+    assert t.status == status
+
+
+def test_a_timeout_keeps_the_state_reached():
+    t = ran(Kernel(slept=0.02), steps=10**6, timeout=0.01)
+    assert (t.status, t.reached, "after step 64 of 1000000 (t = 32)" in t.reason) == ("timeout", 64, True)
+    assert t.seconds >= 0.02
+    assert ran(Kernel(slept=0.02), steps=64, timeout=0.01).status == "ok", "it is at its end"
+
+
+@pytest.mark.parametrize(("missing", "status", "noted"), [(0.0, "ok", 0), (0.1, "ok", 100), (0.2, "no-root", 200)])
+def test_steps_without_a_root_are_reported(missing, status, noted):
+    t = ran(Kernel(missing=missing), steps=1000, missed="lack a root")
+    assert t.status == status
+    assert t.reason.startswith(f"{noted} of 1000 steps lack a root" if noted else "")
+    assert bool(t.reason) == bool(noted)
+    assert ran(Kernel(missing=missing), steps=1000).reason == "", "nothing is promised"
+
+
+@pytest.mark.parametrize(
+    ("missing", "steps", "reached"),
+    [(1.0, 5000, trajectory.FIRST), (0.96, 5000, trajectory.FIRST), (0.94, 5000, 5000), (1.0, 900, 900)],
+)
+def test_a_run_that_hardly_ever_has_a_root_is_stopped(missing, steps, reached):
+    t = ran(Kernel(missing=missing), steps=steps, missed="lack a root", piece=trajectory.FIRST)
+    assert (t.status, t.reached) == ("no-root", reached)
+
+
+# -- extreme inputs, and the words of the reason expected of each ------------------------------------------------------
+
+
+HARMONIC, PENDULUM, LOTKA = problem("harmonic-oscillator"), problem("pendulum"), problem("lotka-volterra")
+KEPLER, CIRCLE = problem("kepler"), problem("kepler", e=0.0)
+CLOSE = problem("kepler", e=0.9999)
+CHAOTIC = problem("henon-heiles:chaotic")
+FALL = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=())  # declared without singularity
+FOUND = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q")  # the same, with its singularity found in the formula
+RUNAWAY = Hamiltonian(q="q", p="p", H="p**2/2 - q**4")
+INVALID = "invalid"
+
+
+def at(q, p, **options):
+    """Options of `integrate` with the initial state (q, p) of one degree of freedom."""
+    return options | {"q0": [q], "p0": [p]}
+
+
+ESCAPE = {"q0": [0.0, 1.2], "p0": [0.0, 0.5]}
+REST = {"q0": [1.0, 0.0], "p0": [0.0, 0.0]}
+#: (problem, method, options, status, words of the reason)
+TABLE = [
+    (HARMONIC, "stormer-verlet", {"h": 2.1, "t_end": 1000, "save_every": 0}, "unstable", "from t = 1000"),
+    (HARMONIC, "stormer-verlet", {"h": 2.1, "steps": 10**6, "save_every": 0}, "diverged", "no longer finite"),
+    (HARMONIC, "stormer-verlet", {"h": 1.99, "t_end": 1000}, "inaccurate", "comes and goes"),
+    (HARMONIC, "stormer-verlet", {"steps": 1, "t_end": 2.8}, "inaccurate", "not the orbit"),
+    (HARMONIC, "explicit-euler", {"h": 0.1, "t_end": 100}, "unstable", "from t = 7 on"),
+    (HARMONIC, "implicit-euler", {"h": 0.1, "t_end": 100}, "inaccurate", "from t = 5 on"),
+    (HARMONIC, "implicit-midpoint", {"h": 1e3, "steps": 1000}, "ok", ""),
+    (PENDULUM, "implicit-midpoint", {"h": 1e3, "steps": 100}, "unstable", "not the orbit"),
+    (HARMONIC, "scheme-i", {"h": 0.1, "steps": 1000, "parameters": {"lam": 1000}}, "unstable", "not the orbit"),
+    (KEPLER, "stormer-verlet", {"h": 0.01, "t_end": -5} | REST, "collision", "head-on"),
+    (HARMONIC, "stormer-verlet", at(1e150, 0.0, h=0.1, steps=100), "ok", ""),
+    (HARMONIC, "stormer-verlet", at(1e-150, 0.0, h=0.1, steps=100), "ok", ""),
+    (HARMONIC, "stormer-verlet", at(0.0, -1e-151, h=0.1, steps=100), INVALID, "choose units"),
+    (LOTKA, "symplectic-euler-q", at(1e-300, 1.0, h=0.01, steps=1000), "diverged", "outside H's domain"),
+    (LOTKA, "explicit-euler", {"h": 1.5, "steps": 1000}, "diverged", "outside H's domain after step 0"),
+    (ROOT, "stormer-verlet", at(1.0, 0.0, h=0.1, steps=100), "diverged", "after step 18"),
+    (PENDULUM, "implicit-midpoint", at(pi - 1e-12, 0.0, h=0.01, steps=5000), "ok", ""),
+    (CIRCLE, "scheme-iv", {"h": 0.1, "steps": 10**7, "save_every": 0}, "no-root", "of the first 1000 steps"),
+    (FALL, "stormer-verlet", at(1.0, 0.0, h=0.01, t_end=10), "inaccurate", "from t = 1.12 on"),
+    (FOUND, "stormer-verlet", at(1.0, 0.0, h=0.01, t_end=10), "collision", "head-on after t = 1.11"),
+    (CLOSE, "stormer-verlet", {"h": 0.01, "t_end": 20}, "collision", "singularity"),
+    (KEPLER, "stormer-verlet", {"h": 0.01, "t_end": 5} | REST, "collision", "head-on"),
+    (KEPLER, "explicit-euler", {"h": 0.01, "t_end": 100, "save_every": 0}, "inaccurate", "not the orbit"),
+    (CHAOTIC, "stormer-verlet", {"h": 0.01, "t_end": 100} | ESCAPE, "diverged", "the motion itself may escape"),
+    (RUNAWAY, "stormer-verlet", at(1.0, 1.0, h=0.01, t_end=10), "diverged", "the motion itself may escape"),
+    (RUNAWAY, "implicit-midpoint", at(1.0, 1.0, h=0.01, t_end=10), "not-converged", "after step 7"),
+    (PENDULUM, "scheme-i", {"h": 1e-6, "steps": 10**9, "save_every": 10**6, "timeout": 0.05}, "timeout", "reached"),
+]
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize(("made", "method", "options", "status", "words"), TABLE)
+def test_an_extreme_input_has_its_status(made, method, options, status, words):
+    if status == INVALID:
+        with pytest.raises(InvalidInput) as refused:
+            integrate(made, method, **options)
+        assert words in str(refused.value)
+        return
+    s = integrate(made, method, **options)
+    assert (s.status, words in s.reason) == (status, True), s.reason
+    assert (s.reason == "") == (words == "")
+    assert np.isfinite([s.q, s.p]).all()
+    assert len(s.t) == len(s.q) == len(s.p) == len(s.parameter) + 1
+    assert s.t[-1] == pytest.approx(s.t[0] + s.counts["steps"] * s.h)
+    if status == "timeout":
+        assert s.t[-1] > 0
 
 
 if __name__ == "__main__":

@@ -75,13 +75,6 @@ def test_prepared_runs_are_independent():
         assert not compiled() or runs[0]._functions is runs[1]._functions
         for run, one in zip(runs, order, strict=True):
             assert same(run(H, 20)[:2], ends(one, "stormer-verlet", 20))
-    one, other = (prepare(problem("pendulum"), "scheme-i", parameters={"lam": x}) for x in (0, "1/3"))
-    first = one(H, 30)
-    for _ in range(100):
-        prepare(problem("pendulum"), "scheme-v")(H, 1)
-    other(H, 77)
-    assert same(first, one(H, 30))
-    assert repr(other).startswith("PreparedRun(scheme-i(lam=1/3) on Hamiltonian(q='q'")
 
 
 def test_failures_are_statuses():

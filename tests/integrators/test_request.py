@@ -190,7 +190,6 @@ def many() -> dict:
     with precision(40):
         runs = {
             "steps": {"h": tenth, "steps": 7},
-            "span and steps": {"t_end": 7 * tenth, "steps": 7},
             "a step that nearly divides it": {"h": 0.1, "t_end": 7 * tenth},
             "later start": {"h": tenth, "t0": -2, "t_end": -13 * tenth},
             "rows": {"h": tenth, "steps": 7, "save_every": 3},

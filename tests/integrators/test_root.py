@@ -1,14 +1,107 @@
-"""The search for the root of the energy error E(x) nearest 0, on functions with known roots."""
+"""The root of the energy error nearest 0: on functions with known roots, and of Schemes IV and V."""
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any, NamedTuple
+
 import numpy as np
 import pytest
+import sympy as sp
 
+from phasebench.benchmarks.measure.battery import by_label, variants
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.families.schemes_iv_v import RADIUS
 from phasebench.integrators.stepping import energy_model as model
-from phasebench.integrators.stepping.energy_model import ALONG, FIRST, LATEST, Search
+from phasebench.integrators.stepping.energy_model import FIRST, LATEST, Attempt, Search
+from phasebench.integrators.stepping.root import ROWS, SIGNATURE, SLOTS, finder, search_anew
 from phasebench.integrators.stepping.solve import LEVELS, NOT_FINITE, SOLVED
-from support.curves import EXACT, NEAR, UNIT, from_roots, look, model_of
+from phasebench.integrators.values.vector import State, inline, jit, scale
+from support.solutions import energy_errors, last
+from support.values import value
+
+UNIT = 1e-12
+#: A power of two, so that its multiples are exact.
+EXACT = 2.0**-40
+NEAR = Search(radius=2.0, first=0.05, near=1.0, ratio=1.12, points=70, slack=0.0)
+
+
+class Curve(NamedTuple):
+    """A made-up step from y whose energy error E is a polynomial of x with the coefficients c, where it has a solution.
+
+    From x = 0.3 on E is larger by ``jump``. ``tried`` has a row (x, start, ease, units added to E) for each attempt.
+    """
+
+    y: State
+    c: tuple
+    unit: float
+    below: float
+    above: float
+    jump: float
+    tried: Any
+    many: Any
+    states: Any
+
+
+@jit
+def attempt(x, start, ease, e):
+    """A step with the parameter x of a `Curve`: its end has x times q."""
+    n = int(e.many[0, 0])
+    e.tried[n, 0], e.tried[n, 1], e.tried[n, 2] = x, start, ease
+    e.many[0, 0] = n + 1
+    y = State(scale(x, e.y.q), e.y.p, e.y.lost_q, e.y.lost_p)
+    if not e.below < x < e.above:
+        return Attempt(y, np.inf, e.unit, NOT_FINITE)
+    E = e.tried[n, 3] * e.unit + e.c[0] + x * (e.c[1] + x * (e.c[2] + x * (e.c[3] + x * e.c[4])))
+    if x >= 0.3:
+        E = E + e.jump
+    return Attempt(y, E, e.unit, SOLVED)
+
+
+class Searching(NamedTuple):
+    """What a finder takes of a kernel's `newton.Work`."""
+
+    search: Any
+
+
+WORK = Searching(codegen.once(search_anew, SIGNATURE))
+FIND = {followed: finder(attempt, inline(lambda e: e.states), followed) for followed in (True, False)}
+
+
+class Found(NamedTuple):
+    """The parameter, whether it is a root, q[0], E and status of its attempt, and all attempts."""
+
+    x: float
+    found: bool
+    at: float
+    E: float
+    status: int
+    tried: np.ndarray
+
+
+def look(c, models=None, predicted=np.nan, followed=True, search=NEAR, errors=(), unit=UNIT, **curve):
+    """Search for a root of E(x), whose coefficients are c; ``errors``, in units, are added in the first attempts."""
+    one, many, tried = value(1.0), np.zeros((1, 1)), np.zeros((1000, 4))
+    tried[: len(errors), 3] = errors
+    below, above = curve.get("within", (-np.inf, np.inf))
+    c = (*map(float, c), *[0.0] * (5 - len(c)))
+    states = np.zeros((SLOTS * ROWS, 1))
+    e = Curve(State(one, one, one, one), c, unit, below, above, curve.get("jump", 0.0), tried, many, states)
+    models = model_of() if models is None else models
+    x, found, result = FIND[followed](search, models, 0, predicted, e, WORK)
+    return Found(x, found, result.y.q[0], result.E, result.status, tried[: int(many[0, 0])])
+
+
+def from_roots(*roots, factor=1.0):
+    return factor * np.poly(roots)[::-1]
+
+
+def model_of(slope=0.0, curvature=0.0):
+    models = np.zeros((1, model.NUMBERS))
+    models[0, [model.SLOPE, model.CURVATURE]] = slope, curvature
+    return models
 
 
 @pytest.mark.parametrize(("followed", "sign"), [(True, 1), (False, -1)])
@@ -40,19 +133,6 @@ def test_a_step_without_a_solution_at_zero_is_reported():
     s = look([1.0, 1.0], within=(0.5, 1.0))
     assert (s.x, s.at, s.status) == (0.0, 0.0, NOT_FINITE)
     assert len(s.tried) == 1
-
-
-def test_for_distant_roots_the_other_side_is_tried_first():
-    """The model predicts 0.5; the sign at -0.5 shows that a root lies between, and the parabola locates it."""
-    c = from_roots(0.5, -0.2)
-    models = model_of(0.2)
-    s = look(c, models)
-    assert s.x == pytest.approx(-0.2, abs=UNIT)
-    assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, -0.2], abs=UNIT)
-    assert s.tried[1, 1:3] == pytest.approx([ALONG, 0.01 * 0.1 / UNIT])
-    assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-0.3, 1.0])
-    assert look(-c, model_of(-0.2)).x == pytest.approx(-0.2, abs=UNIT)
-    assert look([-0.1, 1.0], model_of(1.0)).tried[1, 0] == 0.1, "a tenth is not beyond it"
 
 
 def test_a_search_ends_at_one_unit_or_stagnates_below_eight():
@@ -205,24 +285,6 @@ def trusted_model(slope=1.0, curvature=0.0, missed=1e-4, age=0.0, unit=UNIT, str
     return models
 
 
-def test_following_takes_two_or_three_attempts_per_step():
-    """E changes smoothly from step to step; each root is extrapolated from the two before."""
-    models, roots, cost, searched = model_of(), [], [], []
-    for n in range(80):
-        c = (-0.02 - 0.01 * np.sin(0.05 * n), 1.0 + 0.2 * np.cos(0.03 * n), 0.3)
-        s = look(c, models, 2 * roots[-1] - roots[-2] if n > 1 else np.nan)
-        assert s.found
-        assert abs(s.E) <= model.SLACK * UNIT
-        assert s.x == pytest.approx(model.smaller_root(*c), abs=10 * UNIT)
-        roots.append(s.x)
-        cost.append(len(s.tried))
-        if 0 in s.tried[:, 0]:
-            searched.append(n)
-    assert np.mean(cost[3:]) < 3.4
-    assert 24 <= max(np.diff(searched)) <= 25
-    assert len(searched) < 10
-
-
 def test_a_root_that_may_not_be_the_nearest_is_not_followed():
     """The curvature found on the way makes the model unsure; the search then finds the nearer root."""
     models = trusted_model(slope=1.5, curvature=0.0, missed=1e-2)
@@ -231,3 +293,122 @@ def test_a_root_that_may_not_be_the_nearest_is_not_followed():
     assert s.found
     assert s.x == pytest.approx(-0.07, abs=UNIT)
     assert 0 in s.tried[:, 0]
+
+
+# -- Schemes IV and V: steps without a root, and the root that is taken ------------------------------------------------
+
+
+EQUIP = by_label([m for m in variants() if m.family == "schemes_iv_v"])
+#: Those with one root in a step: the long negative substep of a composition is unstable in the hard cases.
+SINGLE = [label for label, m in EQUIP.items() if len({row[2] for row in m.data}) == 1]
+
+#: Cases in which some steps have no root: (problem, h, steps).
+HARD = (("henon-heiles:box", 0.1, 5000), ("pendulum:rotating", 0.3, 200))
+
+
+@cache
+def run(label, case):
+    """(problem, solution) of the method with this label in a case; computed once."""
+    name, h, steps = case
+    return problem(name), integrate(problem(name), EQUIP[label], h=h, steps=steps)
+
+
+def size_of_terms(made, s):
+    """The round-off scale of H: the sizes of its terms and the effect of rounding the state."""
+    system = made.system
+    parts = [*sp.Add.make_args(sp.expand(system.H)), *(x * system.H.diff(x) for x in (*system.q, *system.p))]
+    return np.sum([np.abs(system.observe(t, s.q, s.p)) for t in parts], 0).max()
+
+
+@pytest.mark.parametrize("case", HARD, ids=lambda c: c[0])
+@pytest.mark.parametrize("label", SINGLE)
+def test_every_step_with_a_root_restores_the_initial_energy(label, case):
+    made, s = run(label, case)
+    assert len(s.parameter), s.reason
+    good = ~np.isnan(s.parameter)
+    assert (~good).sum() == s.counts["fallbacks"]
+    error = np.abs(energy_errors(s))[1:]
+    unit = np.finfo(float).eps * size_of_terms(made, s)
+    assert error[good].max() < 64 * unit
+    if not good.all():
+        assert error[~good].max() > 64 * unit, "a fallback that keeps the energy is no fallback"
+        after = np.flatnonzero(~good[:-1] & good[1:]) + 1
+        assert error[after].max() < 64 * unit, "a later step wins the energy back"
+
+
+#: A scheme -> the one with a fixed lambda that is its step; the distances of lambda from 1/2 at which it is looked at.
+FIXED = {"scheme-iv": "scheme-i", "scheme-v": "scheme-iii"}
+LADDER = np.array([0.0, *np.geomspace(1e-7, RADIUS, 60)])
+
+
+def brackets(label, made, s, n):
+    """(|H - H0| after step n with lambda = 1/2, where H - H0 first changes sign as lambda moves away on either side).
+
+    The places are intervals (from, to) of |lambda - 1/2|.
+    """
+    H0, found = made.system.energies(s.q[:1], s.p[:1])[0], []
+    for side in (1, -1):
+        errors = []
+        for x in LADDER:
+            parameters, start = {"lam": 0.5 + side * x}, {"q0": s.q[n], "p0": s.p[n]}
+            end = integrate(made, FIXED[label], h=s.h, steps=1, parameters=parameters, **start)
+            if not end.counts["steps"]:
+                break  # the branch of solutions from lambda = 1/2 ends here
+            errors.append(made.system.energies(end.q[-1:], end.p[-1:])[0] - H0)
+            if (errors[-1] > 0) != (errors[0] > 0):
+                found.append((LADDER[len(errors) - 2], x))
+                break
+    return abs(errors[0]), found
+
+
+@pytest.mark.parametrize("label", FIXED)
+def test_the_root_is_the_one_nearest_one_half_and_steps_that_fall_back_have_none(label):
+    made, s = run(label, HARD[0])
+    away = np.abs(s.parameter - 0.5)
+    checked = 0
+    for n in [*np.argsort(-np.nan_to_num(away))[:4], *range(0, 200, 50)]:
+        E0, found = brackets(label, made, s, n)
+        if E0 > 1e-12 and not np.isnan(away[n]):  # at the round-off of H roots cannot be told apart
+            low, high = min(found)
+            assert 0.9 * low <= away[n] <= 1.1 * high, n
+            checked += 1
+    assert checked >= 5
+    fallbacks = np.flatnonzero(np.isnan(away))[:3]
+    assert label != "scheme-iv" or len(fallbacks) == 3
+    assert not any(brackets(label, made, s, n)[1] for n in fallbacks)
+
+
+@pytest.mark.parametrize(("h", "most"), [(0.01, 2.9), (0.1, 3.3)])
+@pytest.mark.parametrize("name", ["henon-heiles:chaotic", "perturbed-kepler"])
+def test_a_followed_root_costs_few_evaluations(name, h, most):
+    """Compared with Scheme III, one step of which is one attempt of Scheme V."""
+    made = problem(name)
+    taken = [integrate(made, id, h=h, steps=1000).counts["gradient"] for id in ("scheme-v", "scheme-iii")]
+    assert taken[0] < most * taken[1]
+
+
+# -- a few steps -------------------------------------------------------------------------------------------------------
+
+BOX = problem("henon-heiles:box")
+#: From this state a step of 0.1 has no root for Scheme IV but one for Scheme V.
+ROOTLESS = {"q0": [0.1365, 0.0292], "p0": [-0.1373, 0.0245]}
+
+
+def take_step(id, parameters=None, h=0.1, **start):
+    s = integrate(BOX, id, h=h, steps=1, parameters=parameters, **(start or ROOTLESS))
+    return last(s), s.parameter[0], s.counts["fallbacks"]
+
+
+def test_a_step_without_a_root_is_the_midpoint_rule():
+    """Schemes with an alternative take its step instead if that has a root."""
+    end, lam, fallbacks = take_step("scheme-iv")
+    assert np.isnan(lam)
+    assert fallbacks == 1
+    assert np.abs(end - take_step("implicit-midpoint")[0]).max() < 1e-15
+    other, lam, _ = take_step("scheme-v")
+    assert np.abs(other - end).max() > 1e-6, "the control"
+    for id in ("scheme-iv-v", "scheme-v-iv"):
+        found, same, fallbacks = take_step(id)
+        assert fallbacks == 0
+        assert abs(same - lam) < 1e-9
+        assert np.abs(found - other).max() < 1e-15

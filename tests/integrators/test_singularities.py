@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -10,9 +12,10 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import integrate
+from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import adaptive
 from phasebench.integrators.systems import singularities
-from phasebench.integrators.systems.transformed import distance_scale
+from phasebench.integrators.systems.transformed import TransformedHamiltonian, distance_scale
 from support.values import value
 
 
@@ -132,3 +135,32 @@ def test_a_fall_through_a_softened_centre_is_no_collision():
     assert wide.status != "collision", "a step that crosses the core and loses the energy"
     hard = integrate(of(f"-1/{R}"), "stormer-verlet", **options)
     assert hard.status == "collision", "the control"
+
+
+# -- Poincare's time transformation ------------------------------------------------------------------------------------
+
+
+ORBIT = problem("kepler", e=0.9)
+SYSTEM = TransformedHamiltonian(ORBIT.system)
+Q0, P0 = SYSTEM.start(ORBIT.q0, ORBIT.p0)
+
+
+def test_the_field_is_the_scaled_original_field():
+    r = np.linalg.norm(ORBIT.q0)
+    new, old = SYSTEM.vector_field()(0, np.append(Q0, P0)), ORBIT.system.vector_field()(0, [*ORBIT.q0, *ORBIT.p0])
+    assert np.allclose(new, r**1.5 * np.array([old[0], old[1], 1, old[2], old[3], 0]), rtol=1e-12, atol=1e-12)
+    doubled = TransformedHamiltonian(ORBIT.system, scale=f"2*{ORBIT.system.q[0]}")
+    assert np.isclose(doubled.vector_field()(0, np.append(Q0, P0))[2], 2 * ORBIT.q0[0])
+
+
+def test_systems_without_distances_are_refused():
+    with pytest.raises(InvalidInput, match="no distances"):
+        TransformedHamiltonian(problem("henon-heiles").system)
+    with pytest.raises(InvalidInput, match="no distances"):
+        distance_scale(
+            SimpleNamespace(singular=(ORBIT.system.q[0], np.hypot), softened=())
+        )  # one of them is not a formula
+    with pytest.raises(InvalidInput, match="coordinates alone"):
+        TransformedHamiltonian(ORBIT.system, scale=f"1 + {ORBIT.system.p[0]}**2")
+    with pytest.raises(InvalidInput, match="canonical"):
+        TransformedHamiltonian(problem("lotka-volterra").system, scale=1)

@@ -15,7 +15,7 @@ from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.records.projection import projection_method
 from phasebench.integrators.stepping import newton, solve
-from phasebench.integrators.stepping.solve import FIXED_POINT_LIMIT, LEVELS, NOT_FINITE, SOLVED, STALLED, Change
+from phasebench.integrators.stepping.solve import LEVELS, NOT_FINITE, SOLVED, STALLED, Change
 from phasebench.integrators.values import vector
 from support.values import value
 
@@ -115,14 +115,6 @@ def test_equations_without_a_solution_are_not_solved():
     with np.errstate(all="ignore"):
         found = called(solve.solver(affine, of_their_size))((factor, constant), start, 1.0, EPS, WORK)
     assert found[2:] == (1, NOT_FINITE), "beyond the largest double"
-
-
-def test_the_limit_on_iterations_applies_to_slow_convergence():
-    slow, half = (solve_affine((f, 1.25), value(0.0, 1.0), 1.0, EPS, WORK)[1:] for f in (0.999, 0.5))
-    assert slow[0] > FIXED_POINT_LIMIT
-    assert (slow[0] - FIXED_POINT_LIMIT) % 3 == 0, "two unknowns take two differences and the residual"
-    assert half[0] > FIXED_POINT_LIMIT
-    assert half[2] == SOLVED
 
 
 UNIT = 2.0**-40
@@ -254,6 +246,7 @@ STARTS = [
     ("scheme-i", "coupled", 0.005, 5.0),
     ("radau-iia-3", "coupled", 0.02, 20.0),
     ("hbvm-4-2", "coupled", 0.02, 28.0),
+    ("gauss-8-adaptive", "kepler", 0.05, 60.0),
     ("gonzalez", "pendulum", 0.1, 27.0),
     ("gonzalez-yoshida-4", "pendulum", 0.1, 94.0),
     ("cohen-hairer-1", "lotka-volterra:4-2", 0.02, 54.0),

@@ -14,7 +14,7 @@ from llvmlite import binding
 from numba import types
 
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian, InvalidInput, integrate
+from phasebench.integrators import integrate
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.families import force_gradient, runge_kutta, splitting
 from phasebench.integrators.prepared import prepare
@@ -142,23 +142,6 @@ def test_exact_fma_rounds_once_on_every_processor():
     np.testing.assert_array_equal(fma(a, x, y), a * x + y)  # without compilation
 
 
-@vector.jit
-def accumulate(n, increment):
-    x, c = (1.0, -1.0), (0.0, 0.0)
-    for _ in range(n):
-        x, c = vector.add(x, c, (increment, -increment))
-    return x
-
-
-@pytest.mark.parametrize("increment", [0.1, 1e-3, -1 / 3])
-def test_the_compensated_sum_beats_the_plain_one(increment):
-    n = 100_000
-    exact = float(1 + n * Fraction(increment))
-    assert np.abs(np.array(accumulate(n, increment)) - [exact, -exact]).max() <= np.spacing(abs(exact))
-    plain = np.append(1.0, np.full(n, increment)).cumsum()[-1]
-    assert abs(plain - exact) > 20 * np.spacing(abs(exact)), "the control"
-
-
 FAMILY = {"mclachlan-atela-4": splitting, "rk4": runge_kutta, "chin-4a": force_gradient}
 OTHERS = ["implicit-midpoint", "gauss-4", "rk4-projected-energy"]
 
@@ -197,17 +180,6 @@ def test_explicit_families_go_in_place_beyond_their_size():
     assert made.grad_V().signature().args[0] == types.UniTuple(types.float64, made.d), "its own functions as they were"
     with codegen.precision(40):
         assert not kernel.prepare(method("rk4"), made, codegen.MULTIPRECISION).arrays
-
-
-def test_array_kernels_raise_invalid_input():
-    """For h omega = pi a coefficient of Gautschi's method is infinite."""
-    d = codegen.TUPLE_LIMIT + 1
-    q, p = ([f"{x}{i}" for i in range(d)] for x in "qp")
-    H = " + ".join(f"{x}**2/2" for x in (*p, *q)) + " + q0**4/4"
-    with pytest.raises(InvalidInput, match=r"is 1\.0 pi"):
-        integrate(
-            Hamiltonian(q=q, p=p, H=H, frequencies=[1] * d), "gautschi", h=np.pi, steps=1, q0=np.ones(d), p0=np.ones(d)
-        )
 
 
 def test_overflow_on_arrays_is_a_divergence():

@@ -411,9 +411,6 @@ def test_one_time_is_certified_and_printed():
         (["keplar"], "did you mean kepler"),
         (["henon-heiles:boxes"], "did you mean box"),
         (["pendulum", "kepler", "--t-end", "1"], "one problem"),
-        (["kepler", "--t-end", "-1"], "must be a positive number"),
-        (["kepler", "--t-end", "nan"], "must be a finite number"),
-        (["pendulum", "--t-end", "1", "--time-limit", "0"], "must be a positive number of seconds"),
         (["harmonic-oscillator", "--t-end", "1e9", "--time-limit", "0.01"], "cannot be certified to 1e+09"),
     ],
 )

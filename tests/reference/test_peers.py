@@ -19,7 +19,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import phasebench as pb
 from phasebench.benchmarks.audit.claims import judgements
+from phasebench.benchmarks.ladder.competitors import peers as competing
 from phasebench.integrators import Hamiltonian, InvalidInput, outcome
 from phasebench.reference import native
 from phasebench.reference.installed import how_to_install
@@ -207,7 +209,7 @@ def test_a_missing_package_is_skipped(package, monkeypatch):
 
 # -- runs -------------------------------------------------------------------------------------------------------------
 
-#: The stored end states; `test_sundials` has answers of SUNDIALS, whose package needs a newer Python than others.
+#: The stored end states; `test_packages` has answers of SUNDIALS, whose package needs a newer Python than others.
 ENDS = json.loads(peer_ends.STORED.read_text())
 
 
@@ -369,3 +371,44 @@ def test_a_fall_into_the_singularity_has_a_status():
         size = {"t_end": 2.0, "steps": None if peer(id).adaptive else 100}
         s = integrate_peer(made("kepler"), id, **size, q0=[1, 0], p0=[0, 0])
         assert s.status in ("diverged", "collision")
+
+
+# -- prepared peers as pb.prepare makes them ---------------------------------------------------------------------------
+
+
+def test_every_competing_peer_can_be_prepared():
+    assert [p.id for p in competing() if p.prepare is None] == []
+
+
+def test_a_returned_state_is_not_overwritten():
+    for id, size in (("heyoka", (1.0,)), ("rebound-whfast", (0.1, 10)), ("scipy-dop853-numba", (1.0,))):
+        run = pb.prepare("kepler", id)
+        q, p, _ = run(*size)
+        before = q.copy(), p.copy()
+        run(*size, q0=[0.5, 0.1])
+        assert (q == before[0]).all()
+        assert (p == before[1]).all()
+
+
+def test_a_failed_run_has_another_status():
+    for id in ("heyoka", "scipy-dop853-numba"):
+        run = pb.prepare(RUNAWAY, id, tol=1e-9, q0=[1.0], p0=[1.0])
+        assert run(0.5)[2] == run.SOLVED
+        assert run(5.0)[2] == run.STALLED == "not-converged"
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "said"),
+    [
+        ("heyoka", {"tol": 2.0}, "tol is 2.0"),
+        ("heyoka", {"parameters": {"lam": 1}}, "no parameters such as lam"),
+        ("rebound-whfast", {"tol": 1e-9}, "steps of fixed size"),
+        ("stormer-verlet", {"tol": 1e-9}, "takes a step h, no tolerance"),
+        ("heyoka-batch", {}, "no prepared run"),
+        (lambda system, q, p, h: (q, p), {}, "no prepared run"),
+        ("heyok", {}, "did you mean"),
+    ],
+)
+def test_invalid_preparations_are_refused(method, options, said):
+    with pytest.raises(pb.InvalidInput, match=said):
+        pb.prepare("kepler", method, **options)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-import mpmath
 import numpy as np
 
 from phasebench.integrators.solution import Solution
@@ -31,11 +30,6 @@ def rough_end(solution: Solution) -> np.ndarray:
 def apart(a: Iterable, b: Iterable) -> Any:
     """Return the largest difference of two sequences, entry by entry, a number of their kind."""
     return max(abs(x - y) for x, y in zip(a, b, strict=True))
-
-
-def distance(solution: Solution, y: Iterable) -> float:
-    """Return the largest difference of a solution's last state from y = (q, p), numbers of mpmath."""
-    return float(apart((mpmath.mpf(str(x)) for x in (*solution.q[-1], *solution.p[-1])), y))
 
 
 def energy_errors(solution: Solution) -> np.ndarray:
