@@ -25,7 +25,6 @@ from phasebench.integrators.coefficients import (
 )
 from phasebench.integrators.coefficients.fractions import DIGITS, substeps, suzuki, triple_jump
 from phasebench.integrators.coefficients.order_conditions import (
-    KINDS,
     TOLERANCE,
     VISIBLE,
     classical_order,
@@ -378,9 +377,6 @@ def test_a_parameter_that_breaks_symmetry_is_refused():
 # -- order conditions --------------------------------------------------------------------------------------------------
 
 
-HALF = mpmath.mpf(1) / 2
-
-
 def test_orders_for_general_systems():
     """A quadratic kinetic energy gives a relation between commutators of degree 4, on which some orders rest."""
     for table in TABLES:
@@ -397,11 +393,3 @@ def test_fractal_compositions_have_their_order():
     for order in (0, 3):
         with pytest.raises(ValueError, match="even order"):
             suzuki(order)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_inconsistent_methods_have_order_0(kind):
-    """Kicks or fractions that add up to 1/2 leave a residual of 1/2 at degree 1."""
-    steps = [HALF] if kind == "composition" else [("A", mpmath.mpf(1)), ("B", HALF)]
-    assert excess(residuals(kind, steps, 1), (1,)) == HALF
-    assert classical_order(kind, steps) == 0

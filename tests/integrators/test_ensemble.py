@@ -354,14 +354,6 @@ def test_a_section_takes_little_memory(monkeypatch):
     assert rows > 10 * peak
 
 
-@pytest.mark.parametrize("more", [{}, {"t_end": None, "steps": 1000, "lanes": True}])
-def test_every_orbit_may_have_its_own_step(more):
-    found = box(3, h=np.array([0.1, 0.05, 0.025]), **more)
-    alike = [box(3, h=h, **more) for h in (0.1, 0.05, 0.025)]
-    for i, other in enumerate(alike):
-        np.testing.assert_array_equal(found.t[found.orbit == i], other.t[other.orbit == i])
-
-
 def test_a_collision_between_stored_rows_is_seen():
     """A fall passes the centre within one step; only checking every step shows it."""
     fall = problem("kepler").system

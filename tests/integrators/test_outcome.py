@@ -18,6 +18,7 @@ from phasebench.integrators.stepping import solve
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 from phasebench.integrators.trajectory import PIECE, Pace, Trajectory
 from phasebench.reference.peers.run import ending
+from support.steps import euler
 
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 NO_ENERGY = PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"])
@@ -190,10 +191,6 @@ def test_states_between_stored_rows_are_judged():
     t.advance(Run(), Pace(None))
     t.conclude(None, 0)
     assert (t.status, len(t.times), f"t = {0.1 * PIECE:.6g}" in t.reason) == ("inaccurate", 2, True)
-
-
-def euler(system, q, p, h):
-    return q + h * system.dH_dp(q, p), p - h * system.dH_dq(q, p)
 
 
 @pytest.mark.parametrize("every", [1, 0])
@@ -384,6 +381,7 @@ TABLE = [
     (KEPLER, "explicit-euler", {"h": 0.01, "t_end": 100, "save_every": 0}, "inaccurate", "not the orbit"),
     (CHAOTIC, "stormer-verlet", {"h": 0.01, "t_end": 100} | ESCAPE, "diverged", "the motion itself may escape"),
     (RUNAWAY, "stormer-verlet", at(1.0, 1.0, h=0.01, t_end=10), "diverged", "the motion itself may escape"),
+    (problem("klein-gordon"), "explicit-euler", {"h": 20.0, "steps": 200}, "diverged", "no longer finite"),
     (RUNAWAY, "implicit-midpoint", at(1.0, 1.0, h=0.01, t_end=10), "not-converged", "after step 7"),
     (PENDULUM, "scheme-i", {"h": 1e-6, "steps": 10**9, "save_every": 10**6, "timeout": 0.05}, "timeout", "reached"),
 ]

@@ -15,7 +15,7 @@ from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.records.projection import projection_method
 from phasebench.integrators.stepping import newton, solve
-from phasebench.integrators.stepping.solve import LEVELS, NOT_FINITE, SOLVED, STALLED, Change
+from phasebench.integrators.stepping.solve import LEVELS, NOT_FINITE, SOLVED, STALLED
 from phasebench.integrators.values import vector
 from support.values import value
 
@@ -205,15 +205,6 @@ def test_when_iterations_stop():
         assert newton.newton_converged(delta, before, unit, of) == ends
     for delta, before, ends in ((900, 1000, True), (900, 2000, False), (1100, 1000, False)):
         assert newton.newton_converged(delta * noise, before * noise, unit, noise) == ends
-
-
-def test_rules_confirm_each_other_if_both_halves_agree():
-    none, small, far = 10 * EPS, 50 * EPS, 1e-6
-    for move, last, wanted in ((none, far, (True, True)), (small, far, (False, False)), (small, small, (False, True))):
-        for one, other in (((move, 0.0), (last, np.inf)), ((0.0, move), (np.inf, last))):
-            found = solve.unchanged(Change(*one, 1.0, 1.0), Change(*other, 1.0, 1.0), 1.0, EPS)
-            assert tuple(found) == wanted
-    assert not solve.unchanged(Change(none, none, 1.0, 1e-3), Change(far, far, 1.0, 1.0), 0.0, EPS)[0]
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])

@@ -1,22 +1,26 @@
-"""Splittings and their special kernels: diagonal masses, quadratic T, processors, modified kicks."""
+"""Splittings and special kernels: masses, quadratic T, processors, modified kicks, a fast linear part, parts."""
 
 from __future__ import annotations
 
+import json
+import math
 from fractions import Fraction
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.measure.battery import variants
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian
+from phasebench.integrators import Hamiltonian, InvalidInput, SplitHamiltonian, integrate
 from phasebench.integrators.coefficients import BY_NAME, GROUPS
 from phasebench.integrators.compile import codegen
-from phasebench.integrators.driver import integrate
-from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import parametric, splitting
-from phasebench.integrators.records import processed
+from phasebench.integrators.families.parts import flows
+from phasebench.integrators.records import oscillatory, processed
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.stepping import kernel
 from support.one_of_each import kinds
@@ -164,3 +168,236 @@ def test_takahashi_imada_has_effective_order_four():
     made = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
     first, second = (integrate(made, "takahashi-imada", h=0.2, steps=1, q0=[q], p0=[1 - q]) for q in (1.0, 0.0))
     assert first.q[-1, 0] + second.p[-1, 0] - 2 * np.cos(0.2) == pytest.approx(trace_error(weight, 0.2), rel=1e-6)
+
+
+# -- a fast linear part: published formulas, exactness, poles, round-off -----------------------------------------------
+
+
+IDS = [m.id for m in oscillatory.METHODS]
+TRIGONOMETRIC = [m.id for m in oscillatory.METHODS if m.id not in ("r-respa", "imex")]
+OMEGA = 50.0
+FPU = problem("fpu")
+
+
+def sinc(x):
+    return np.sinc(np.asarray(x) / np.pi)
+
+
+#: Published filters (psi, phi): Hairer, Lubich & Wanner 2006, XIII; Grimm & Hochbruck 2006.
+PUBLISHED = {
+    "gautschi": (lambda x: sinc(x / 2) ** 2, np.ones_like),
+    "deuflhard": (sinc, np.ones_like),
+    "mollified-impulse": (lambda x: sinc(x) ** 2, sinc),
+    "hochbruck-lubich": (lambda x: sinc(x / 2) ** 2, lambda x: sinc(x) * (1 + np.sin(x / 2) ** 2 / 3)),
+    "hairer-lubich": (lambda x: sinc(x) ** 2, np.ones_like),
+    "grimm-hochbruck": (lambda x: sinc(x) ** 3, sinc),
+}
+
+
+def slow(q):
+    """Force -grad U of the slow potential of the Fermi-Pasta-Ulam problem for m = 3, written by hand."""
+    x, y = q[:3], q[3:]
+    soft = np.array([x[0] - y[0], x[1] - y[1] - x[0] - y[0], x[2] - y[2] - x[1] - y[1], x[2] + y[2]]) ** 3
+    signs = np.array([[1, -1, 0, 0], [0, 1, -1, 0], [0, 0, 1, 1], [-1, -1, 0, 0], [0, -1, -1, 0], [0, 0, -1, 1]])
+    return -signs @ soft
+
+
+FREQUENCIES = np.array([0, 0, 0, OMEGA, OMEGA, OMEGA])
+STATE = np.array([0.9, -0.4, 0.3, 0.02, -0.015, 0.01]), np.array([0.8, 0.1, -0.5, 1.0, -0.7, 0.3])
+
+
+def step(id, h, system=None, state=STATE, **parameters):
+    """State (q, p) after one step of a method from ``state``, array (2, d); the Fermi-Pasta-Ulam chain by default."""
+    s = integrate(system or FPU, id, h=h, steps=1, q0=state[0], p0=state[1], parameters=parameters)
+    return np.array([s.q[-1], s.p[-1]])
+
+
+@pytest.mark.parametrize("id", TRIGONOMETRIC)
+@pytest.mark.parametrize("x", [0.3, 4.0])
+def test_a_step_equals_the_published_formula(id, x):
+    """Hairer, Lubich & Wanner 2006, XIII (2.7)-(2.9), for cosines of both signs."""
+    h, (q, p) = x / OMEGA, STATE
+    xi = h * FREQUENCIES
+    psi, phi = (f(xi) for f in PUBLISHED[id])
+    assert method(id).symplectic == bool(np.allclose(psi, sinc(xi) * phi))
+    psi1, c = psi / sinc(xi), np.cos(xi)
+    g0 = slow(phi * q)
+    q1 = c * q + h * sinc(xi) * p + h**2 / 2 * psi * g0
+    p1 = -FREQUENCIES * np.sin(xi) * q + c * p + h / 2 * (c * psi1 * g0 + psi1 * slow(phi * q1))
+    assert np.abs(step(id, h) - [q1, p1]).max() < 1e-13
+    others = [i for i in TRIGONOMETRIC if i != id]
+    assert min(np.abs(step(i, h) - [q1, p1]).max() for i in others) > 1e-9, "the control: another method's step"
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_without_a_fast_part_methods_are_stormer_verlet(id):
+    made = problem("henon-heiles")
+    slow_only = Hamiltonian(q=made.system.q, p=made.system.p, H=made.system.H, frequencies=[0, 0])
+    state = np.array(made.q0), np.array(made.p0)
+    gap = np.abs(step(id, 0.3, slow_only, state) - step("stormer-verlet", 0.3, slow_only, state)).max()
+    assert gap < 1e-15
+    fast = np.abs(step(id, 0.3, made.system, state) - step("stormer-verlet", 0.3, slow_only, state)).max()
+    assert fast > 1e-5, "the control: with the linear part declared fast it is not"
+
+
+@pytest.mark.parametrize("id", ["deuflhard", "grimm-hochbruck", "imex", "r-respa"])
+@pytest.mark.parametrize("h", [0.9, 40.0])
+def test_the_harmonic_oscillator_is_exact_for_any_step(id, h):
+    found = problem("harmonic-oscillator")
+    s = integrate(found, id, h=h, steps=200)
+    error = max(np.abs(s.q[:, 0] - np.cos(s.t)).max(), np.abs(s.p[:, 0] + np.sin(s.t)).max())
+    if id in TRIGONOMETRIC:
+        assert error < 1e-12
+    else:
+        assert error > 1e-6, "the control: an approximate propagator"
+
+
+@pytest.mark.parametrize("id", ["gautschi", "hochbruck-lubich"])
+def test_an_infinite_coefficient_is_refused_and_its_pole_named(id):
+    for times in (1, 3):
+        with pytest.raises(InvalidInput, match=rf"h omega is {times}\.0 pi, where the method's kick is infinite"):
+            integrate(FPU, id, h=times * math.pi / OMEGA, steps=1)
+    assert integrate(FPU, id, h=2 * math.pi / OMEGA, steps=1).status == "ok", "the control: an even multiple"
+
+
+@pytest.mark.parametrize(
+    ("id", "h", "most"),
+    [("deuflhard", 0.001 / 3, 1e-14), ("deuflhard", (math.pi + 0.001) / 3, 1e-14), ("imex", 1.3, 1e-12)],
+)
+def test_round_off_does_not_make_the_propagator_grow(id, h, most):
+    """The compensations rotate with the state, also by more than pi (otherwise the error is 1e-13)."""
+    s = integrate(problem("harmonic-oscillator", omega=3.0), id, h=h, steps=500_000, save_every=100)
+    kept = s.p[:, 0] ** 2 + 9 * s.q[:, 0] ** 2
+    assert np.abs(kept / kept[0] - 1).max() < most
+
+
+def test_coefficients_are_exact_where_the_sine_vanishes():
+    """At the double nearest to h omega = 2 pi the sine loses 16 digits; omega = 50."""
+    h = 2 * math.pi / OMEGA
+    prepared = kernel.prepare(method("deuflhard"), FPU.system)
+    found = prepared.begin(prepared.step._replace(h=h), *STATE).filters[3, -1]
+    with mpmath.workdps(80):
+        wanted = float(mpmath.sin(mpmath.mpf(h) * 50) / 50)
+    assert abs(found / wanted - 1) < 1e-15
+    assert abs(math.sin(h * OMEGA) / OMEGA / wanted - 1) > 1e-6, "the control: doubles"
+
+
+def test_bad_parameters_are_refused():
+    for parameters in ({"omega": 0.0}, {"m": 0}, {"m": 1.5}, {"m": 10_000}):
+        with pytest.raises(InvalidInput, match="must be"):
+            problem("fpu", **parameters)
+    with pytest.raises(InvalidInput, match="linear fast part"):
+        integrate(problem("pendulum"), "imex", h=0.1, steps=1)
+
+
+# -- parts with exact flows --------------------------------------------------------------------------------------------
+
+
+#: Parts of every kind; among the monomials a = b, a > b, a < b, a negative power, and c a function of variables.
+KINDS = (
+    "p2**2/2 + p1**3/9",
+    "sin(q1)*exp(q2)/3",
+    "p2**2/(2*q1**2)",
+    "(q1**2 - p1**2)/3 + p2**4",
+    "-p1**2/q1",
+    "q1*p1*(1 + sin(q2))/5",
+    "q1**3*p1/5",
+    "q1**2*p1**2*q2/3",
+    "p1/q1**2*exp(p2)",
+    "q1*p1*3/4 + q2*p2**2/7",
+)
+Q, P = (0.7, 0.4), (0.3, -0.6)
+
+
+def split(*parts: str, **more) -> SplitHamiltonian:
+    return SplitHamiltonian(q="q1 q2", p="p1 p2", parts=parts, **more)
+
+
+@pytest.mark.parametrize("part", KINDS)
+def test_a_derived_flow_is_that_of_its_part(part):
+    dq, dp = split(part, "p2**2").part_flow(0)(Q, P, 0.3)
+    alone = Hamiltonian(q="q1 q2", p="p1 p2", H=part)
+    s = integrate(alone, "gauss-8", h=0.01, steps=30, q0=list(Q), p0=list(P))
+    moved = np.array([*Q, *P]) + [*dq, *dp]
+    assert np.abs(moved - [*s.q[-1], *s.p[-1]]).max() < 1e-15 * 5
+    far = np.array([*Q, *P]) + np.concatenate(split(part, "p2**2").part_flow(0)(Q, P, 0.31))
+    assert np.abs(far - moved).max() > 1e-4, "the control: another time"
+
+
+def test_a_small_change_loses_no_digits():
+    """The exact changes of r and p by -p^2/r over a short time, in 50 digits."""
+    system = SplitHamiltonian(q="r", p="p", parts=["-p**2/r", "p**2/2"])
+    with mpmath.workdps(50):
+        r, p, t = mpmath.mpf(7.5), mpmath.mpf(0.3), mpmath.mpf(2.0**-30)
+        u = 1 - 3 * t * p / r**2
+        exact = r * (mpmath.cbrt(u) ** 2 - 1), p * (mpmath.cbrt(u) - 1)
+    (dr,), (dp,) = system.part_flow(0)((7.5,), (0.3,), 2.0**-30)
+    assert dr == pytest.approx(float(exact[0]), rel=1e-15)
+    assert dp == pytest.approx(float(exact[1]), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "part",
+    ["(1 - 2/q1)*p1**2/2", "q1*p1*q2*p2", "p1**2*q1**(1/2)", "p1**2/2 + q1**4"],
+)
+def test_a_part_without_a_known_flow_is_named(part):
+    with pytest.raises(InvalidInput) as told:
+        split(part, "p2**2")
+    assert f"'{part}'" in str(told.value)
+    assert "split it further" in str(told.value)
+
+
+# -- the methods -------------------------------------------------------------------------------------------------------
+
+
+def test_neighbours_of_one_part_are_one():
+    assert flows([(1, 0, 1), (2, 1, 0)], 3) == ([0, 1, 2, 1, 0], [1, 1, 3, 2, 2])
+    assert flows([(1, 1, 0), (2, 0, 1)], 3) == ([2, 1, 0, 1, 2], [1, 1, 3, 2, 2])
+
+
+def test_two_parts_are_a_splitting():
+    made = SplitHamiltonian(q="q", p="p", parts=["-cos(q)", "p**2/2"])
+    pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+    for id, own in (("abc-4", "blanes-moan-s6"), ("abc-6", "blanes-moan-s10")):
+        a, b = (integrate(x, m, h=0.3, steps=40, q0=[1.0], p0=[0.5]) for x, m in ((made, id), (pendulum, own)))
+        assert np.abs(a.q - b.q).max() < 2e-14
+
+
+# -- problems ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "said"),
+    [
+        ("kerr", {"a": 1.5}, "the spin a is 1.5"),
+        ("kerr", {"E": 0.5}, "no orbit passes r = 11"),
+        ("magnetized-schwarzschild", {"L": 50.0}, "no orbit passes r = 11"),
+    ],
+)
+def test_bad_parameters(name, parameters, said):
+    with pytest.raises(InvalidInput, match=said):
+        problem(name, **parameters)
+
+
+def test_parts_on_the_command_line():
+    H, parts = "p1**2/2 - p1**2/q1 + p2**2/(2*q1**2) - 1/q1", ("p1**2/2", "-p1**2/q1", "p2**2/(2*q1**2) - 1/q1")
+    start = ["--q", "10,0", "--p", "0,4", "--h", "1", "--steps", "5"]
+    words = ["integrate", "abc-2", "--hamiltonian", H, *start, "--json"]
+    told = CliRunner().invoke(app, [*words, *(w for part in parts for w in ("--part", part))])
+    assert json.loads(told.stdout)["status"] == "ok"
+    fewer = json.loads(CliRunner().invoke(app, [*words, "--part", parts[0], "--part", parts[2]]).stdout)
+    assert fewer["reason"] == "the parts do not add up to H: -p1**2/q1 is left"
+    both = json.loads(CliRunner().invoke(app, [*words, "--part", parts[0], "--constraint", "q1 = 10"]).stdout)
+    assert both["reason"] == "constraints and parts are given; a system has the one or the other"
+
+
+@pytest.mark.parametrize("name", ["t", "lambda_"])
+def test_a_coordinate_may_have_any_name(name):
+    """The result does not depend on the name, also where a formula has symbols of its own: a flow's time, lambda."""
+    ends = []
+    for q in ("x", name):
+        split = SplitHamiltonian(q=q, p="u", parts=["u**2/2", f"{q}**2/2 + {q}**4"])
+        mixed = Hamiltonian(q=q, p="u", H=f"u**2/2 + {q}**2/2 + {q}**4*u**2/9")
+        runs = [(split, "abc-2"), (mixed, "generating-function")]
+        ends.append([integrate(s, id, h=0.1, steps=10, q0=[1.0], p0=[0.3]).q[-1, 0] for s, id in runs])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-14)
