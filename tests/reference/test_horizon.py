@@ -77,6 +77,17 @@ def test_growth_is_algebraic_or_exponential():
     assert rate == about(0.7)
 
 
+def test_rounding_errors_of_start_and_steps_add_up():
+    """After n steps, n + 1 numbers have been added, uniform up to one unit: a random walk."""
+    made, grid = fake_problem(), [1e-3, 30.0, 300.0]
+    ends = taylor.step_ends(OSCILLATOR, np.longdouble, made.q0, made.p0, grid[-1])
+    added = np.array([1 + sum(x <= t for x in ends) for t in grid])
+    found = horizon.rounding(made, grid, draws=100)
+    assert 0.9 < found.distances[:, 0].max() / horizon.UNIT <= 1.001
+    spread = np.median(found.distances, axis=0) / horizon.UNIT / np.sqrt(added / 3)
+    assert ((spread > 0.5) & (spread < 1.2)).all()
+
+
 # -- horizons ---------------------------------------------------------------------------------------------------------
 
 CHAOTIC = problem("henon-heiles:chaotic")

@@ -243,25 +243,6 @@ def test_a_run_ends_after_its_time_or_without_hope(clock, what, stops):
             watch.report_time(*last[1:])
 
 
-@pytest.mark.parametrize(
-    ("spent", "t", "said"),
-    [
-        (60.0, 50.0, " in 60 s, and would need about 2 minutes"),
-        (120.0, 0.01, " and would need about 13.9 days"),
-        (60.0, 0.037, " and would need about 45 hours"),
-        (119.0, 99.9, " and would need about 119 s"),
-        (0.5, 50.0, "the run came to t = 50"),
-    ],
-)
-def test_the_time_needed_is_reported_in_suitable_units_from_one_second_on(clock, spent, t, said):
-    with watch.watching(0.1, lambda told: None):
-        watch.report_time("run", 0.0, 100.0)
-        clock[0] = spent
-        with pytest.raises(watch.TooLong) as stopped:
-            watch.report_time("run", t, 100.0)
-    assert str(stopped.value).endswith(said)
-
-
 def test_progress_is_reported_at_a_readable_rate_and_only_while_watched(clock):
     told = []
     with watch.watching(100.0, told.append):
