@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from phasebench.benchmarks.ladder.choice import at
 from phasebench.benchmarks.measure import canary
-from phasebench.benchmarks.measure.timing import NOWHERE
 from phasebench.benchmarks.studies.costs import large, start, step
 from phasebench.benchmarks.studies.costs.systems import SYSTEMS
 from phasebench.benchmarks.studies.ensembles import against, maps
@@ -48,36 +45,6 @@ def test_second_start_with_one_cache_compiles_nothing(tmp_path):
     assert kept[1] == kept[0]
 
 
-# -- the cost at an error ----------------------------------------------------------------------------------------------
-
-
-def runs(*of: tuple[float, float]) -> pd.DataFrame:
-    """Fabricated runs (error, us) of one side, with intervals of 2 %."""
-    return pd.DataFrame([{"error": e, "us": us, "us, low": us * 0.98, "us, high": us * 1.02} for e, us in of])
-
-
-LADDER = [(2.0 ** (-4 * k), 2.0**k) for k in range(12)]
-#: Runs, the error that is asked, what it costs.
-COSTS = [
-    (LADDER, 2.0**-16, 2.0**4),
-    (LADDER, 2.0**-18, 2.0**4.5),
-    (LADDER, 10.0, 1.0),
-    ([*LADDER, (np.nan, 1e-3)], 2.0**-16, 2.0**4),  # a failed run
-    ([(1e-3, 50.0), (1e-9, 10.0)], 1e-5, 10.0),  # one that is accurate and cheap
-    ([(1e-3, 1.0), (0.0, 5.0)], 1e-5, 5.0),
-    ([(0.099, 1.0), (1e-3, 100.0)], (0.099 * 1e-3) ** 0.5, 10.0),
-    ([(0.1, 1.0), (1e-3, 100.0)], 1e-2, 100.0),  # two decades are too far
-]
-
-
-@pytest.mark.parametrize(("rungs", "error", "cost"), COSTS)
-def test_cost_at_an_error_is_interpolated(rungs, error, cost):
-    found = at(runs(*rungs), error)
-    assert found.value == pytest.approx(cost)
-    assert (found.low, found.high) == pytest.approx((0.98 * cost, 1.02 * cost))
-    assert at(runs(*rungs), 1e-30) is NOWHERE or rungs[-1][0] == 0
-
-
 # -- many degrees of freedom, ensembles --------------------------------------------------------------------------------
 
 
@@ -92,17 +59,6 @@ def test_c_and_python_integrate_alike_at_every_size(name):
     if name == "klein-gordon":
         other = replace(system, constants=lambda d: (4.001, 2.0))  # the control: the first is 4
         assert large.distance(run(system.h, large.FEW), other.prepare_c(d)(system.h, large.FEW)) > 1e-8
-
-
-def test_interval_of_an_exponent_covers():
-    d, rng = np.array([64, 128, 256, 512, 1024, 2048, 4096, 10_000]), np.random.default_rng(3)
-    inside = 0
-    for _ in range(1000):
-        _, low, high = large.exponent(d, 3 * d**1.5 * np.exp(rng.normal(size=len(d)) / 10))
-        inside += low <= 1.5 <= high
-    assert 930 <= inside <= 970
-    assert large.exponent(d, 3.0 * d**2)[0] == pytest.approx(2)
-    assert np.isnan(large.exponent(d[:2], d[:2])).all()
 
 
 def test_error_is_that_of_the_worst_orbit():

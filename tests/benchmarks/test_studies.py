@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from importlib.metadata import version
 from itertools import permutations
@@ -29,7 +30,11 @@ from phasebench.benchmarks.page.page import ANSWER, CLAIM, NOTHING, ROWS, SETTIN
 from phasebench.benchmarks.page.study import Claim, Runs, Study, measured, rows_of
 from phasebench.benchmarks.page.verdict import FAIL, FINDING, MEANING, MISSING, NONE, PASS, at_most
 from phasebench.benchmarks.report import PAGES
-from phasebench.benchmarks.store.cells import text
+from phasebench.benchmarks.store import compare, run, workers
+from phasebench.benchmarks.store.cells import ALONE, text
+from phasebench.benchmarks.store.cells import UNCOMPILED as APART
+from phasebench.benchmarks.store.digits import TIMES
+from phasebench.benchmarks.store.tables import STALE, Table, fresh_rows
 from phasebench.benchmarks.studies import index
 from phasebench.integrators import driver
 from support.pages import REPORTS
@@ -372,6 +377,51 @@ def test_keys_are_those_of_the_committed_tables(study):
         keys = {tuple(map(text, key.values())) for key in runs.keys}
         frame = pd.read_csv(path, dtype=str, keep_default_na=False, usecols=[*runs.keys[0]] or None)
         assert {*map(tuple, frame[list(runs.keys[0])].to_numpy())} == keys
+
+
+#: Seconds: of the stored measurements that took no longer, the longest of each table is made again, or the quickest.
+LONG, LONGEST = 0.5, 2.5
+#: So many measurements are made again of a table for which nothing is compiled.
+MANY = 20
+#: First digits are the same; what is smaller is round-off.
+SAME = compare.Again(units=(0.0, 1e-12))
+
+
+def quick_cells(runs, cells, stored) -> list:
+    """The cells of a table that are measured again; none if all take too long, or their rows are outdated."""
+    known = [(about, cell) for cell in cells if cell.available and (about := stored.intact(cell))]
+    spent = {cell.id: float(about["spent"]) for about, cell in known if about["state"] != STALE}
+    found = sorted((c for c in cells if spent.get(c.id, np.inf) <= LONGEST), key=lambda c: spent[c.id])
+    short = [c for c in found if spent[c.id] <= LONG]
+    return short[:: max(1, len(short) // MANY)] if runs.where == APART else short[-1:] or found[:1]
+
+
+def differences(table, new, old) -> list:
+    """The numbers of two tables that differ, without times and words."""
+    columns = {c for row in (*new, *old) for c in row if not TIMES.fullmatch(c)} - {*compare.WORDS}
+    limits = dict.fromkeys(columns, SAME) | compare.BANDS.get(table, {})
+    return compare.differences(compare.match(new, old, []), limits)
+
+
+@pytest.mark.parametrize(
+    ("study", "runs"),
+    [pytest.param(s, runs, id=runs.table) for s in STUDIES for runs in s.runs if runs.where != ALONE],
+)
+def test_a_quick_measurement_comes_out_as_it_is_stored(study, runs):
+    """A wrong sign in a measure shows here; a right change shows, too, until its rows are measured."""
+    stored = Table(REPORTS / "data", runs.table)
+    with workers.Worker(APART) if runs.where == APART else nullcontext() as apart:
+        for cell in quick_cells(runs, runs.cells(study), stored):
+            work = cell.measure, cell.arguments
+            found = workers.answer(*work) if apart is None else apart.call(workers.answer, *work).value
+            assert found.error is None, found.error
+            new = fresh_rows(run.entry(cell, found), runs.table, cell)
+            assert differences(runs.table, new, stored.of(cell)) == [], cell.label
+
+
+def test_control_a_changed_number_is_seen():
+    old = [{"method": "rk4", "error": "0.5", "seconds": "1"}]
+    assert [d.column for d in differences("t", [old[0] | {"error": "0.501", "seconds": "2"}], old)] == ["error"]
 
 
 def test_the_key_of_a_cell_holds_what_its_method_and_problem_stand_for():

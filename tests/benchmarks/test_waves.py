@@ -108,17 +108,3 @@ def test_plane_wave_has_its_discrete_frequency():
     end = s.q[-1][:N] + 1j * s.q[-1][N:]
     assert np.abs(end - phi * np.exp(-1j * w)).max() < 1e-9
     assert np.abs(end - phi * np.exp(1j * w)).max() > 0.1, "the control: the sign"
-
-
-# -- invariants --------------------------------------------------------------------------------------------------------
-
-
-def errors(name, method, **parameters):
-    """Largest relative errors of the energy and of the quadratic invariant."""
-    made = problem(name, N=32)
-    s = integrate(made, method, h=0.05, steps=200, parameters=parameters)
-    assert s.status == "ok"
-    assert s.counts["fallbacks"] == 0
-    (invariant,) = made.invariants.values()
-    values = (made.system.observe(e, s.q, s.p) for e in (made.system.H, invariant))
-    return [np.abs(v - v[0]).max() / abs(v[0]) for v in values]
