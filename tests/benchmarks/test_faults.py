@@ -7,6 +7,7 @@ import json
 import multiprocessing
 import os
 import random
+import re
 import resource
 import signal
 import time
@@ -97,6 +98,7 @@ def test_full_disk_is_named_and_tables_stay(tmp_path, share):
 
 TAMPERED = {
     "cut": lambda text: text[: 2 * len(text) // 3],
+    "another number": lambda text: re.sub(r"\d", "8", text, count=1),
     "a line doubled": lambda text: text + text.splitlines(keepends=True)[-1],
     "empty": lambda text: "",
     "another column": lambda text: text.replace("n", "m", 1),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from decimal import Decimal
+from importlib import metadata
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +21,9 @@ from phasebench.benchmarks.store import error_tables
 from phasebench.integrators import integrate
 from phasebench.integrators.registry import METHODS
 from phasebench.reference import files
+from phasebench.reference.peers import BY_ID as PEERS
+from phasebench.reference.peers import integrate_peer
+from phasebench.reference.solvers import taylor
 
 SCENE = BY_ID["lotka-volterra-t1"]
 OSCILLATOR = BY_ID["oscillator-t2"]
@@ -119,42 +123,6 @@ def measured(scene: str, id: str, h: float) -> dict:
     return sweep.measure(sweep.Task(scene, id, (), h), repeats=1)
 
 
-def test_row_of_a_run_has_its_numbers():
-    row = measured(SCENE.id, "rk4", 0.03)
-    assert (row["scene"], row["problem"], row["method"], row["h"]) == (SCENE.id, SCENE.problem, "rk4", 0.03)
-    assert (row["status"], row["reason"], row["steps"], row["gradient"]) == ("ok", "", 40, 160)
-    assert (row["iterations"], row["fallbacks"]) == (0, 0)
-    assert row["seconds"] > 0
-    assert f"numpy {np.__version__}" in row["versions"]
-    drifting = measured("lotka-volterra-t120", "rk4", 0.12)
-    assert drifting["energy_drift_low"] < drifting["energy_drift"] < drifting["energy_drift_high"]
-
-
-def test_invariants_of_the_problem_are_columns():
-    """The largest errors of q1 p2 - q2 p1, preserved by Stormer-Verlet, and of p x L - q/|q|, not preserved."""
-    for id in ("rk4", "stormer-verlet"):
-        row = measured("kepler-t1", id, 0.01)
-        s = integrate(KEPLER, id, h=0.01, t_end=1)
-        L = s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0]
-        pericentre = s.p[:, 1] * L - s.q[:, 0] / np.hypot(*s.q.T)
-        assert row["angular-momentum_max"] == pytest.approx(np.abs(L - L[0]).max(), abs=1e-15)
-        assert row["laplace-runge-lenz-1_max"] == pytest.approx(np.abs(pericentre - pericentre[0]).max(), abs=1e-14)
-        assert row["laplace-runge-lenz-1_max"] > 1e-12
-        assert (row["angular-momentum_max"] < 1e-14) is (id == "stormer-verlet")
-
-
-def test_global_error_and_refinement_difference():
-    """||y_h - y_2h|| from two runs; the error of the oscillator against (cos t, -sin t)."""
-    h, end = OSCILLATOR.steps[2], OSCILLATOR.t_end
-    row = measured(OSCILLATOR.id, "stormer-verlet", h)
-    runs = (integrate(problem(OSCILLATOR.problem), "stormer-verlet", h=k * h, t_end=end) for k in (1, 2))
-    y, y2 = (np.concatenate([s.q[-1], s.p[-1]]) for s in runs)
-    assert row["refinement_difference"] == np.abs(y - y2).max()
-    assert row["global_error"] == pytest.approx(np.abs(y - [np.cos(end), -np.sin(end)]).max(), abs=1e-15)
-    assert row["global_error"] < 0.5 * row["refinement_difference"]
-    assert "refinement_difference" not in measured(OSCILLATOR.id, "stormer-verlet", OSCILLATOR.steps[0])
-
-
 @pytest.mark.parametrize(
     ("scene", "id", "h", "status", "reason"),
     [
@@ -170,6 +138,99 @@ def test_failed_row_has_its_reason_and_no_error(monkeypatch, scene, id, h, statu
     assert (row["status"], reason in row["reason"]) == (status, True)
     assert not {"global_error", "energy_drift", "seconds"} & row.keys()
     assert {"scene", "problem", "method", "h", "versions"} <= row.keys()
+
+
+#: Explicit, splitting, implicit and chosen roots, on short and long scenes; of those that agree on every processor.
+ROWS = [
+    ("henon-heiles-chaotic-t1", "rk4", 0.01),
+    ("henon-heiles-chaotic-t1", "implicit-midpoint", 0.01),
+    ("pendulum-t1000", "stormer-verlet", 0.05),
+    ("pendulum-t1000", "implicit-midpoint", 0.1),
+    ("kepler-t1", "stormer-verlet", 0.01),
+    ("kepler-t1", "rk4", 0.01),
+    (SCENE.id, "rk4", 0.03),
+    (OSCILLATOR.id, "stormer-verlet", OSCILLATOR.steps[2]),
+]
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize(("scene", "id", "h"), ROWS)
+def test_a_row_is_measured_as_it_is_stored(scene, id, h):
+    row = measured(scene, id, h)
+    assert (row["status"], row["reason"], row["fallbacks"]) == ("ok", "", 0)
+    assert row["seconds"] > 0
+    assert f"numpy {np.__version__}" in row["versions"]
+    stored = table_of(scene)
+    assert (stored["method"].eq(row["method"]) & stored["h"].eq(h)).any()
+    assert regressions([row], stored, BY_ID[scene]) == []
+
+
+# -- peers in a sweep --------------------------------------------------------------------------------------------------
+
+
+def exactly(made, t, q, p):
+    """Error of the doubles q, p at time t against an independent run in quadruple precision."""
+    _, quad = taylor.extended_types()
+    (row,) = taylor.states(made.system, quad, made.q0, made.p0, [t])
+    return max(abs(float(quad(float(x)) - y)) for x, y in zip((*q, *p), row, strict=True))
+
+
+def test_chaotic_scene_is_measured_before_its_horizon(monkeypatch):
+    """At the last stored time before the horizon; without a certificate its end is beyond the reach of long double."""
+    row = sweep.measure(sweep.Task(CHAOTIC.id, "stormer-verlet", (), 0.05), repeats=1)
+    made = problem(CHAOTIC.problem)
+    certificate = accuracy.stored.find(made)
+    t = max(end.t for end in certificate.ends if end.t <= certificate.horizon)
+    assert (row["global_error_time"], row["reference_horizon"]) == (t, certificate.horizon)
+    again = integrate(made, "stormer-verlet", h=0.05, t_end=t)
+    assert row["global_error"] == exactly(made, t, again.q[-1], again.p[-1])
+    assert 100 * row["reference_uncertainty"] < row["global_error"] < 1
+    monkeypatch.setattr(accuracy.stored, "find", lambda problem: None)
+    assert accuracy.truth.__wrapped__(CHAOTIC.id).uncertainty > 1e-3, "the control"
+
+
+ALIKE = {
+    *("scene", "problem", "purpose", "method", "h", "t_end", "status", "kind", "versions", "tier", "declared_order"),
+    *("steps", "gradient", "iterations", "fallbacks", "global_error", "global_error_time", "reference_uncertainty"),
+    *("reference_horizon", "energy_max", "energy_end", "energy_drift", "angular-momentum_max", "seconds", "reason"),
+}
+
+
+@pytest.mark.parametrize(
+    ("id", "size"),
+    [
+        ("heyoka", {"h": None, "tol": 1e-9}),
+        ("rebound-ias15", {"h": None, "tol": 1e-6}),  # output shortens its steps; the error is that of a bare run
+        ("rebound-leapfrog", {"h": np.pi / 60}),
+    ],
+)
+def test_row_of_a_peer_has_the_columns_of_a_method(id, size):
+    scene = BY_ID["kepler-100-orbits"]
+    row = sweep.measure(sweep.Task(scene.id, id, (), **size), repeats=1)
+    assert set(row) >= ALIKE
+    assert set(sweep.measure(sweep.Task(scene.id, "rk4", (), np.pi / 60), repeats=1)) >= ALIKE
+    assert (row["status"], row["id"], row["kind"]) == ("ok", id, PEERS[id].package)
+    assert f"{PEERS[id].package} {metadata.version(PEERS[id].package)}" in row["versions"]
+    assert row["h"] == size["h"]
+    assert row["tol"] == size.get("tol")
+    bare = integrate_peer(problem(scene.problem), id, **size, t_end=scene.t_end, save_every=0)
+    error = exactly(problem(scene.problem), scene.t_end, bare.q[-1], bare.p[-1])
+    assert row["global_error"] == pytest.approx(error, rel=1e-9)
+    assert error > 1e-13
+    assert row["steps"] == bare.counts["steps"]
+    assert 0 < row["energy_max"] < 0.1
+    assert json.loads(json.dumps(row)) == row
+
+
+def test_unsuitable_peer_has_one_row_with_the_reason(monkeypatch):
+    for id, why in (("rebound-whfast", "Kepler"), ("heyoka", "pip install heyoka")):
+        if id == "heyoka":
+            monkeypatch.setattr("phasebench.benchmarks.measure.integrator.is_installed", lambda name: False)
+        todo = sweep.tasks([BY_ID["pendulum-t2"]], only=lambda m, id=id: m.id == id)
+        row, *_ = sweep.measure_rows(todo[:1], 1)["rows"]
+        assert (row["status"], row["method"]) == ("skipped", id)
+        assert why in row["reason"]
+        assert "global_error" not in row
 
 
 # -- orders ------------------------------------------------------------------------------------------------------------
@@ -231,32 +292,24 @@ def test_table_is_loaded_to_the_last_digit(stored, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("ending", "change", "words"),
     [
-        lambda s: s.replace("1.23456789012345e-07", "1.23456789012346e-07"),
-        lambda s: s[: s.rindex("avf")],
-        lambda s: s[: s.rindex("avf") + 6],
-        lambda s: s.replace("method,h,error", "method,h,err"),
-        lambda s: "",
-        lambda s: "\x00",
+        ("csv", lambda s: s.replace("1.23456789012345e-07", "1.23456789012346e-07"), "checksum"),
+        ("csv", lambda s: s[: s.rindex("avf")], "checksum"),
+        ("csv", lambda s: s.replace("method,h,error", "method,h,err"), "checksum"),
+        ("csv", lambda s: "\x00", "checksum"),
+        ("json", lambda s: "{", "its provenance beside it cannot be read"),
+        ("json", lambda s: "[]", "its provenance beside it cannot be read"),
+        ("json", lambda s: json.dumps(ORIGIN), "its provenance beside it cannot be read"),
     ],
-    ids=["digit", "line", "cut", "column", "empty", "binary"],
+    ids=["digit", "line", "column", "binary", "cut", "list", "no checksum"],
 )
-def test_rows_edited_by_hand_are_refused(stored, tmp_path, change):
-    text = stored.read_text()
+def test_table_that_was_edited_is_refused(stored, tmp_path, ending, change, words):
+    path = stored.with_suffix(f".{ending}")
+    text = path.read_text()
     assert change(text) != text
-    stored.write_text(change(text))
-    with pytest.raises(error_tables.CorruptTable, match="checksum"):
-        error_tables.load("t", tmp_path)
-
-
-@pytest.mark.parametrize("about", [None, "{", "[]", json.dumps(ORIGIN)])
-def test_table_without_provenance_is_refused(stored, tmp_path, about):
-    if about is None:
-        stored.with_suffix(".json").unlink()
-    else:
-        stored.with_suffix(".json").write_text(about)
-    with pytest.raises(error_tables.CorruptTable, match="its provenance beside it cannot be read"):
+    path.write_text(change(text))
+    with pytest.raises(error_tables.CorruptTable, match=words):
         error_tables.load("t", tmp_path)
 
 
@@ -289,16 +342,17 @@ def test_provenance_follows_the_problem():
 # -- bands -------------------------------------------------------------------------------------------------------------
 
 
-def table_of(name):
-    return error_tables.load(name)[0]
-
-
-def rows_of(table):
-    return table.astype(object).where(table.notna(), None).to_dict("records")
-
-
 def regressions(measured, stored, scene=SCENE):
-    return bench_errors.regressions(rows_of(measured), stored, scene)
+    rows = measured if isinstance(measured, list) else records(measured)
+    return bench_errors.regressions(rows, stored, scene)
+
+
+def table_of(scene):
+    return error_tables.load(scene)[0]
+
+
+def records(table):
+    return table.astype(object).where(table.notna(), None).to_dict("records")
 
 
 @pytest.mark.parametrize("column", ["global_error", "refinement_difference", "energy_max"])
@@ -328,21 +382,8 @@ def test_band_of_methods_that_choose_a_root():
         assert [d.column for d in regressions(measured, stored, scene)] == [column] * found
 
 
-def test_measured_rows_and_their_orders_are_those_stored():
-    todo = sweep.tasks([SCENE, OSCILLATOR], True, lambda m: m.id in ("rk4", "scheme-ii", "avf"))
-    rows = sweep.measure_rows(todo, 1)["rows"]
-    assert [(r["scene"], r["h"]) for r in rows] == [(t.scene, t.h) for t in todo]
-    for scene in (SCENE, OSCILLATOR):
-        own = [r for r in rows if r["scene"] == scene.id]
-        assert len(own) > 8
-        assert bench_errors.regressions(own, table_of(scene.id), scene) == []
-    found = {(r["scene"], r["method"]): r["order"] for r in orders(rows)}
-    assert found[OSCILLATOR.id, "rk4"] == pytest.approx(4, abs=0.1)
-    assert (SCENE.id, "avf") not in found
-
-
 def test_regression_fails_the_run_with_both_numbers():
-    rows = rows_of(table_of(SCENE.id))
+    rows = records(table_of(SCENE.id))
     bad = max((r for r in rows if r["method"] == "rk4"), key=lambda r: r["h"])
     some = [r for r in rows if r["method"] in ("rk4", "stormer-verlet")]
 
@@ -359,7 +400,7 @@ def test_regression_fails_the_run_with_both_numbers():
 
 def test_new_table_keeps_unmeasured_methods():
     stored = table_of(SCENE.id)
-    some = [r | {"global_error": 7.0} for r in rows_of(stored) if r["method"] == "rk4"]
+    some = [r | {"global_error": 7.0} for r in records(stored) if r["method"] == "rk4"]
     gone = pd.concat([stored, stored[stored["method"] == "rk4"].assign(method="nobody")])
     for new in (bench_errors.record(some, stored, SCENE), bench_errors.record(some, gone, SCENE)):
         assert new["method"].tolist() == stored["method"].tolist()

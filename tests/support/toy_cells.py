@@ -1,7 +1,6 @@
 """Quick made-up measurements for tests of how measurements are run and stored.
 
-A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.  The command
-``python -m support.toy_cells FOLDER COUNT`` runs some of them and stores their tables in a folder.
+A measurement is a `Cell`: a function, its arguments and the tables that its rows go to.
 """
 
 from __future__ import annotations
@@ -140,10 +139,3 @@ def timeless(folder: Path) -> dict[str, list[dict]]:
         name: [{k: v for k, v in row.items() if k not in own} for row in tables.Table(folder, name).rows]
         for name in TABLES
     }
-
-
-if __name__ == "__main__":
-    from phasebench.benchmarks.store import run
-
-    run.execute(cells(int(sys.argv[2]), seconds=0.03), Path(sys.argv[1]), count=0)
-    print("done")
