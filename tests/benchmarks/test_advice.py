@@ -9,7 +9,6 @@ import time
 from math import inf
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import phasebench as pb
@@ -18,7 +17,6 @@ from phasebench.benchmarks.advice import prior, words
 from phasebench.benchmarks.advice import table as tables
 from phasebench.benchmarks.advice.advise import advise, tied
 from phasebench.benchmarks.advice.ask import ask
-from phasebench.benchmarks.advice.deadline import TimeUp
 from phasebench.benchmarks.advice.hunt import Candidate, Search
 from phasebench.benchmarks.advice.known import true_value
 from phasebench.benchmarks.cli.advise import _roles
@@ -30,7 +28,6 @@ from phasebench.benchmarks.measure.global_error import with_start
 from phasebench.benchmarks.measure.integrator import OURS, integrator
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.problems.user import from_formula
 from phasebench.integrators.driver import DIVERGED, OK, TIMEOUT
 from support.commands import call
 from support.portfolios import only
@@ -188,12 +185,6 @@ def test_unanswerable_question_is_refused(name, t_end, accuracy, why):
     assert why in found["why"]
 
 
-def test_an_accurate_run_that_keeps_too_little_is_named():
-    """No symplectic step keeps the energy too; the peer's package states only the first."""
-    asked = question("kepler", 3.0, 1e-2, conserve=("symplectic", "energy"))
-    assert "its run does not keep energy" in advise(asked, portfolio_of=only("rebound-leapfrog"))["why"]
-
-
 @pytest.mark.parametrize(
     ("name", "t_end", "accuracy"), [("henon-heiles:chaotic", 1000.0, 1e-4), ("schwarzschild:photon-sphere", 60.0, 1e-5)]
 )
@@ -259,33 +250,7 @@ def test_conserved_properties_are_measured(name, kept, id, steps, broken):
 # -- the order in which candidates are tried -------------------------------------------------------------------------
 
 
-def test_prior_factors_are_computed_from_rows():
-    rows = pd.DataFrame(
-        [
-            ("a1", "a", "x", 1e-7, 4.0),
-            ("a1", "a", "y", 1e-5, 1.0),
-            ("a1", "a", "x", 1e-4, 0.5),
-            ("b1", "b", "y", 1e-9, 1.0),
-            ("c1", "c", "x", 1e-9, 4.0),
-            ("c1", "c", "y", 1e-9, 1.0),
-            ("c2", "c", "x", 1e-9, 9.0),
-        ],
-        columns=["scene", "problem", "id", "error", "seconds"],
-    )
-    lines = {(r["problem"], r["decade"], r["integrator"]): r["factor"] for r in prior.build(rows)}
-    expected = {("a", -4, "x"): 1.0, ("a", -4, "y"): 2.0, ("a", -5, "x"): 4.0, ("b", -9, "y"): 1.0}
-    # x costs 4 times the cheapest in one scene, y is absent in the other.
-    expected |= {("c", -9, "x"): 2.0, ("c", -9, "y"): pytest.approx(prior.LARGEST**0.5, abs=0.01)}
-    assert {key: lines[key] for key in expected} == expected
-    assert not {("a", -6, "y"), ("b", -10, "y")} & lines.keys()
-
-
 def test_factors_of_known_and_unknown_problems(monkeypatch, tmp_path):
-    stored = prior.TABLE.load()
-    assert {"heyoka", "explicit-euler", "scheme-ii"} <= stored.competitors
-    named = {id for table in stored.factors.values() for row in table.values() for id in row}
-    assert len(named) > 50
-    assert all(integrator(id) for id in named)
     tables = {"a": {-6: {"x": 1.0, "y": 4.0}, -3: {"z": 2.0}}, "b": {-6: {"x": 4.0}}}
     with monkeypatch.context() as patch:
         patch.setattr(prior.TABLE, "load", lambda: prior.Prior(tables, frozenset("xyz")))
@@ -334,15 +299,6 @@ def test_time_limit_is_kept(late, monkeypatch):
     assert late != "truth" or not found["verified"]
 
 
-def test_answer_that_was_not_timed_to_the_end_is_incomplete(monkeypatch):
-    def late(found):
-        raise TimeUp
-
-    monkeypatch.setattr("phasebench.benchmarks.advice.advise.finals", late)
-    found = advise(question(), portfolio_of=only("heyoka", "rk4"))
-    assert (found["choice"] is not None, found["incomplete"]) == (True, True)
-
-
 def test_control_search_with_time_is_complete_and_without_says_so(answer):
     assert not answer["incomplete"]
     nobody = advise(question(accuracy=1e-2, limit=1e-9))
@@ -361,16 +317,6 @@ def test_advice_back_in_time(quantity):
     assert back["own"]["steps"] == pytest.approx(ahead["own"]["steps"], rel=0.1)
     assert back["own"]["h"] < 0 < ahead["own"]["h"]
     assert "--t-end=-20.0" in back["choice"]["command"]
-
-
-def test_kinked_formula_is_advised():
-    made = from_formula("p**2/2 + abs(q)**3/3", [1.0], [0.0], {})
-    asked = ask(made, t_end=20.0, accuracy=1e-8, limit=PATIENT)
-    found = advise(asked, portfolio_of=only("gauss-4", "scipy-dop853"))
-    assert found["verified"]
-    assert found["reference"]["uncertainty"] < 1e-13
-    assert "heyoka" in [d.integrator for d in portfolios.portfolio(asked, 1e-8)[1] if "no function Abs" in d.why]
-    assert true_value(asked)[0].values == pytest.approx([0.82600573, 0.53939985], abs=1e-8)
 
 
 # -- in Python, and on the terminal ----------------------------------------------------------------------------------
@@ -402,16 +348,6 @@ def test_advice_for_a_hamiltonian_of_the_user():
     assert code == 0
     # To round-off: the command stores rows, at which a processed method takes its processor back.
     assert json.loads(text)["global_error"] == pytest.approx(frame["error"].iloc[0], rel=1e-11)
-
-
-@pytest.mark.usefixtures("few")
-def test_time_dependent_hamiltonian_gets_a_hint():
-    span = ("--t-end", "1", "--accuracy", "1e-3")
-    done = call("advise", "--hamiltonian", "p**2/2 - q*cos(t)", "--q", "1", "--p", "0", *span)
-    assert done.exit_code == 2
-    assert "write q2 for t and add p2 to H" in done.output
-    driven = ("--hamiltonian", "p1**2/2 - q1*cos(q2) + p2", "--q", "1,0", "--p", "0,0", *span)
-    assert call("advise", *driven, "--time-limit", "60")[0] == 0
 
 
 @pytest.mark.usefixtures("few")

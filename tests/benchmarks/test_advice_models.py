@@ -1,24 +1,143 @@
-"""Simplified models in advice: those of a problem are found by its H and initial state, and judged by their rows."""
+"""Simplified models in advice: fewer bodies against REBOUND; those of a problem, judged by their stored rows."""
 
 from __future__ import annotations
 
 import json
-from itertools import pairwise
-from math import inf
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
 
-import pandas as pd
+import numpy as np
 import pytest
 
-from phasebench.benchmarks.advice import models
+import phasebench as pb
+from phasebench.benchmarks.advice import fewer_bodies, models
 from phasebench.benchmarks.advice.advise import advise
 from phasebench.benchmarks.advice.ask import ask
+from phasebench.benchmarks.advice.fewer_bodies import Model, Models
+from phasebench.benchmarks.advice.hunt import Candidate, Search
 from phasebench.benchmarks.advice.models import Rung, Scene
+from phasebench.benchmarks.ladder.trial import Trial
+from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.global_error import with_start
+from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.problems.models.ladders import LADDERS
+from phasebench.benchmarks.problems.outer_solar_system import BODIES, G
 from phasebench.benchmarks.problems.user import from_formula
 from support.commands import call
+from support.orbits import true_longitude
 from support.portfolios import only
+
+T = 36525.0
+NAMES = ("saturn", "uranus", "neptune", "pluto")
+
+
+@cache
+def system():
+    rows = [
+        {"name": name, "m": m, **dict(zip(("x", "y", "z", "vx", "vy", "vz"), (*x, *v), strict=True))}
+        for name, (m, x, v) in BODIES.items()
+    ]
+    return pb.planetary_system(rows, frame="heliocentric")
+
+
+def longitude(*names: str, light: tuple[str, ...] = ()) -> float:
+    """True longitude of Jupiter in radians after 100 years, by REBOUND, with the named bodies; ``light``: massless."""
+    rebound = pytest.importorskip("rebound")
+    sim = rebound.Simulation()
+    sim.G = G
+    for name in ("sun", "jupiter", *names):
+        m, (x, y, z), (vx, vy, vz) = BODIES[name]
+        sim.add(m=0.0 if name in light else m, x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
+    sim.integrator = "ias15"
+    sim.integrate(T)
+    star, planet = sim.particles[0], sim.particles[1]
+    return true_longitude(*(np.subtract(getattr(planet, k), getattr(star, k)) for k in ("xyz", "vxyz")))
+
+
+@cache
+def question_and_truth(accuracy=1e-4, quantity="jupiter.longitude", *light: str):
+    """(a question to `advise` about the planets, the true value of its quantity); ``light`` bodies are massless."""
+    question = ask(system().massless(*light) if light else system(), t_end=T, accuracy=accuracy, quantity_name=quantity)
+    return question, truths.truth(question.problem, question.quantity, T)
+
+
+@pytest.mark.parametrize("body", ["saturn", "pluto"])
+def test_error_of_leaving_a_body_out_agrees_with_rebound(body):
+    others = [n for n in NAMES if n != body]
+    expected = abs(longitude(*others) - longitude(*NAMES))
+    assert Models(*question_and_truth()).off(Model(left_out=(body,))) == pytest.approx(expected, rel=1e-3, abs=3e-12)
+
+
+def test_error_of_a_massless_planet_agrees_with_rebound():
+    expected = abs(longitude(*NAMES, light=("jupiter",)) - longitude(*NAMES))
+    found = Models(*question_and_truth())
+    assert found.off(Model(light=("jupiter",))) == pytest.approx(expected, rel=1e-3)
+    assert found.off(Model(left_out=("jupiter",))) == np.inf
+
+
+def test_more_bodies_are_left_out_at_less_accuracy():
+    found = Models(*question_and_truth())
+    at = {allowed: fewer_bodies.smallest_model(found, allowed)[0] for allowed in (1e-12, 1e-7, 1e-4, 1.0)}
+    assert at[1e-12] == Model()
+    assert set(at[1e-7].left_out) == {"pluto"}
+    assert set(at[1e-4].left_out) == {"pluto", "neptune"}
+    assert set(at[1.0].left_out) == set(NAMES)
+    for allowed, model in at.items():
+        assert model == Model() or found.off(model) <= allowed
+
+
+def test_bodies_are_left_out_while_all_of_them_together_do_not_matter():
+    off = {"pluto": 1e-9, "neptune": 6e-5, "uranus": 7e-5}
+    made_up = SimpleNamespace(
+        bodies=system().bodies, off=lambda model: sum(off.get(name, 1.0) for name in (*model.left_out, *model.light))
+    )
+    assert {*fewer_bodies.smallest_model(made_up, 1e-4)[0].left_out} == {"pluto", "neptune"}
+
+
+def candidate(question, true, id="wisdom-holman", steps=100):
+    trial = Trial(integrator(id), Search(question, true).task(), 5.0)
+    return Candidate(trial, trial.at(float(steps)))
+
+
+def test_answer_names_bodies_error_and_saving():
+    question, true = question_and_truth()
+    found = fewer_bodies.lower(question, true, candidate(question, true))
+    assert set(found["left_out"]) == {"pluto", "neptune"}
+    assert found["test_particles"] == []
+    expected = abs(longitude("saturn", "uranus") - longitude(*NAMES))
+    assert found["off"] == pytest.approx(expected, rel=1e-3)
+    assert found["saves"] > 0
+    assert set(found["alone"]) == {"jupiter", *NAMES}
+    assert found["model"] in models.summarize(found)
+
+
+def test_energy_keeps_bodies_as_test_particles():
+    question, true = question_and_truth(1e-7, "energy")
+    found = fewer_bodies.lower(question, true, candidate(question, true))
+    assert (found["left_out"], found["test_particles"]) == ([], ["pluto"])
+    light = system().massless("pluto")
+    run = pb.integrate(light, "heyoka", tol=1e-15, t_end=T, steps=200)
+    mass = np.repeat(np.array(system().bodies.masses) / np.array(light.bodies.masses), 3)
+    H = system().system.energies(run.q, run.p * mass)
+    from phasebench.benchmarks.measure.quantities import scale
+
+    assert found["off"] == pytest.approx(np.abs(H - H[0]).max() / scale(system()), rel=0.2)
+
+
+def test_reason_where_no_model_can_be_measured(monkeypatch):
+    question, true = question_and_truth()
+    monkeypatch.setattr(fewer_bodies, "LONGEST", 0.0)
+    found = fewer_bodies.lower(question, true, None)
+    assert (found["model"], found["off"]) == (None, None)
+    assert found["why"] in models.summarize(found)
+    monkeypatch.undo()
+    found = fewer_bodies.lower(replace(question, accuracy=1e-14), true, None)
+    assert found["off"] is None
+
+
+# -- other models ------------------------------------------------------------------------------------------------------
+
 
 KEY = models.fingerprint(problem("pendulum:swinging"))
 
@@ -102,43 +221,6 @@ def test_scene_is_identified_by_h_and_initial_state():
 
 
 # -- the stored table --------------------------------------------------------------------------------------------------
-
-
-def tables():
-    """The two tables of the models' page for one scene: three runs of each model, one of them dominated."""
-    names = [r.name for r in LADDERS[0].rungs]
-    known = {"scene": LADDERS[0].id, "integration": 1e-15, "uncertainty": 2e-15}
-    head = [
-        known | {"rung": k, "model": n, "full": n == names[-1], "modelling error": 10.0**-k}
-        for k, n in enumerate(names)
-    ]
-    run = [
-        {"scene": LADDERS[0].id, "rung": k, "error": e, "seconds": s}
-        for k in range(len(names))
-        for e, s in ((1e-2, 1e-6), (2e-2, 2e-6), (1e-8, 3e-6))
-    ]
-    return pd.DataFrame(head), pd.DataFrame(run)
-
-
-def test_stored_table_is_read_back(monkeypatch, tmp_path):
-    monkeypatch.setattr(models.TABLE, "path", tmp_path / "models.csv")
-    assert models.TABLE.load() == ()
-    models.TABLE.save(*tables())
-    (found,) = models.TABLE.load()
-    assert (found.d, found.t_end, found.quantity) == (1, LADDERS[0].t_end, LADDERS[0].quantity)
-    assert [r.full for r in found.rungs] == [False] * 4 + [True]
-    assert [r.off for r in found.rungs] == [1.0, 0.1, 0.01, 0.001, 0.0]
-    assert all(r.runs == ((1e-2, 1e-6), (1e-8, 3e-6)) for r in found.rungs)
-    assert found.key == models.fingerprint(LADDERS[0].rungs[-1].make())
-
-
-def test_shipped_table_has_every_ladder():
-    for one, ladder in zip(models.TABLE.load(), LADDERS, strict=True):
-        assert (one.t_end, one.quantity) == (ladder.t_end, ladder.quantity)
-        assert [r.model for r in one.rungs] == [r.name for r in ladder.rungs]
-        for r in one.rungs:
-            assert all(a[0] > b[0] and a[1] < b[1] for a, b in pairwise(r.runs))
-            assert r.cost(1e300) < inf
 
 
 def test_lower_model_is_in_the_answer_and_on_the_terminal(monkeypatch):

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
+import os
+import re
+import subprocess
 import sys
-from fractions import Fraction
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,7 +20,6 @@ from phasebench.benchmarks.certificate import (
     battery,
     certificate,
     conservation,
-    figures,
     measures,
     order,
     structure,
@@ -26,12 +29,10 @@ from phasebench.benchmarks.certificate.certificate import certify
 from phasebench.benchmarks.certificate.render import write
 from phasebench.benchmarks.certificate.stepping import StepFailed, Stepper
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.cli.validate import WIDEST, folded
-from phasebench.benchmarks.judge.evidence import Tables, kind
-from phasebench.benchmarks.judge.requirements import ROUNDED
+from phasebench.benchmarks.cli.validate import WIDEST
+from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.record import BOUNDED, DRIFT
 from support.commands import call
 from support.steps import euler, leapfrog
 
@@ -157,28 +158,12 @@ def test_python_interface_returns_a_table(claimed_alone):
             wrong()
 
 
-def test_figure_of_the_energy_has_its_error_over_time():
-    row = {"on": "pendulum", "status": "ok", "h": 0.1, "curve": [(0.0, 0.0), (240.0, 1e-3), (480.0, 2e-3)]}
-    drawn = figures.energy(Tables({"long": [row, row | {"status": "diverged"}]}))
-    (line,) = (line for axis in drawn.figure.axes for line in axis.lines)
-    assert line.get_xydata().tolist() == [list(x) for x in row["curve"]]
-    assert figures.energy(Tables({"long": [row | {"status": "diverged"}]})) is None
-
-
-def test_unwritable_folder_is_refused_before_measuring(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setattr(certificate, "certify", lambda *_: pytest.fail("it was measured"))
-    done = call("validate", "rk4", "--output", tmp_path / "file")
-    assert (done.exit_code, "cannot be written" in done.stderr) == (2, True)
-
-
-def priced(evaluations=(23.0, 31.4), high=110.0, python_high=1500.0):
+def priced(evaluations=(23.0, 31.4), high=110.0):
     """(tables, times) of a step that takes 100 and 2.34 times the time of the cheapest at errors 1e-2 and 1e-4."""
     errors = [{"error": 10.0 ** (-2 * k), "factor": f} for k, f in enumerate(evaluations, 1)]
     timed = [{"error": 1e-2, "low": 90.0, "factor": 100.0, "high": high}]
     timed.append({"error": 1e-4, "low": 1.0, "factor": 2.34, "high": 1e9})
-    python = {"low": 900.0, "value": 1234.0, "high": python_high}
-    times = [{"on": "double-pendulum-chaotic", "errors": timed, "python": python}]
+    times = [{"on": "double-pendulum-chaotic", "errors": timed, "python": None}]
     return Tables({"place": [{"on": "double-pendulum-chaotic", "errors": errors}]}), times
 
 
@@ -188,36 +173,19 @@ def test_costs_beside_the_cheapest_method():
     for high, varies in ((180.0, False), (180.1, True)):
         row = times.cost_rows(*priced(high=high))[0]
         assert (row["time"] is None, row["varies"]) == (varies, varies)
-    lines = times.format_costs(*priced())
-    assert max(map(len, lines)) <= WIDEST
-    assert "1200 times" in lines[-1]
-    assert "1200 times" not in times.format_costs(*priced(python_high=2000.0))[-1]
+    assert max(map(len, times.format_costs(*priced()))) <= WIDEST
     assert sum(times.NOT_MET in line for line in times.format_costs(*priced((None, None)))) == 1
     assert times.format_costs(Tables({}), []) == []
-    text = folded("  order 2: " + "it is another on this system; " * 20)
-    assert (max(map(len, text.splitlines())) <= WIDEST, text.count("another")) == (True, 20)
 
 
 # -- orders ------------------------------------------------------------------------------------------------------------
-
-
-def verlet(system, q, p, h, kick=Fraction(1, 2)):
-    p = p - h * system.dH_dq(q, p) * kick.numerator / kick.denominator
-    q = q + h * system.dH_dp(q, p)
-    return q, p - h * system.dH_dq(q, p) / 2
 
 
 def stepper(step, arithmetic=MULTIPRECISION) -> Stepper:
     return Stepper(subject(step), PENDULUM, arithmetic)
 
 
-def kicked(part: Fraction):
-    """(a step whose first half kick is this part, the field's size of p relative to the largest)."""
-    slopes = np.abs(PENDULUM.system.vector_field()(0.0, PENDULUM.start(1)))
-    return lambda system, q, p, h: verlet(system, q, p, h, part), slopes[1] / slopes.max()
-
-
-@pytest.mark.parametrize(("step", "p"), [(euler, 1), (verlet, 2), (times.runge_kutta, 4)])
+@pytest.mark.parametrize(("step", "p"), [(euler, 1), (leapfrog, 2), (times.runge_kutta, 4)])
 def test_order_of_known_steps(step, p):
     for arithmetic in (DOUBLE, MULTIPRECISION):
         row = order.order(stepper(step, arithmetic), 1)
@@ -231,31 +199,6 @@ def test_order_of_known_steps(step, p):
     found = order.series(stepper(step), 1)
     assert (found.clean, len(found.terms), found.largest(p) < 1e-60) == (p, order.TERMS, True)
     assert 0.01 < found.terms[p] < 10
-
-
-def test_truncated_coefficient_shows_in_the_first_term():
-    """A first kick that is 1e-10 h too long leaves an error of order h of that size; 1e-3 one that stays as h falls."""
-    step, size = kicked(Fraction(5_000_000_001, 10_000_000_000))
-    found = order.series(stepper(step), 1)
-    assert found.terms[0] == pytest.approx(1e-10 * size, rel=1e-6, abs=0)
-    step, size = kicked(Fraction(501, 1000))
-    row = order.order(stepper(step, DOUBLE), 1)
-    assert row["constant"] == pytest.approx(1e-3 * size, rel=1e-4, abs=0)
-    assert row["doubt"] < 1e-3 * row["constant"]
-
-
-def test_last_digits_of_doubles_explain_terms_of_a_series():
-    """Large kicks after drifts of 0.1, 0.6 and the rest, whose last digits leave an error of order h^2, not h."""
-
-    def step(system, q, p, h):
-        for kick, drift in ((60002.0, 0.1), (-70002.0, 0.6), (10001.0, 1 - (0.1 + 0.6))):
-            p = p - h * kick * system.dH_dq(q, p)
-            q = q + h * drift * system.dH_dp(q, p)
-        return q, p
-
-    row = order.order(stepper(step), 1)
-    assert row["clean"] == 2
-    assert row["terms"][0] < ROUNDED < row["terms"][1] < row["explained"][1]
 
 
 def test_errors_are_relative_to_the_size_of_the_state():
@@ -332,23 +275,6 @@ def test_energy_error_and_slope_of_a_run():
     assert len(row["curve"]) == 401
 
 
-@pytest.mark.parametrize(("iterations", "expected"), [(3, DRIFT), (40, BOUNDED)])
-def test_energy_of_equations_solved_in_part_drifts(iterations, expected):
-    """The generalized leapfrog with so many fixed-point iterations, on a system where q and p do not separate."""
-
-    def step(system, q, p, h):
-        half, new = p, q
-        for _ in range(iterations):
-            half = p - h / 2 * system.dH_dq(q, half)
-        slope = system.dH_dp(q, half)
-        for _ in range(iterations):
-            new = q + h / 2 * (slope + system.dH_dp(new, half))
-        return new, half - h / 2 * system.dH_dq(new, half)
-
-    dimer = next(e for e in battery.lasting() if e.name == "dimer")
-    assert kind(conservation.long_run(subject(step), dimer, 0)["energy"]) == expected
-
-
 # -- structure, state between calls, digits ----------------------------------------------------------------------------
 
 
@@ -399,3 +325,71 @@ def test_systems_of_the_battery():
         assert entry.reversible == (abs(H[0] - H[1]) < 1e-14), name
     assert all(2 * n in battery.LADDER for n in battery.LADDER if n <= 32)
     assert float(battery.SPAN) == battery.SPAN
+
+
+# -- the pytest plugin -------------------------------------------------------------------------------------------------
+
+
+ROOT = Path(__file__).resolve().parents[2]
+PLUGIN = "phasebench.benchmarks.certificate.plugin"
+TUTORIAL = (ROOT / "docs" / "tutorials" / "certificate-in-ci.md").read_text()
+#: Needed where the plugin is not registered as an entry point.
+REGISTERED = bool(importlib.metadata.entry_points(group="pytest11", name="phasebench"))
+LOAD = () if REGISTERED else ("-p", PLUGIN)
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A project with the tutorial's integrator, in its first version, and its test."""
+    for name, code in reversed(re.findall(r"%%writefile (\S+)\n(.*?)```", TUTORIAL, re.DOTALL)):
+        (tmp_path / name).write_text(code)
+    return tmp_path
+
+
+def run(project, *arguments):
+    command = [sys.executable, "-m", *arguments]
+    return subprocess.run(command, cwd=project, env=dict(os.environ), capture_output=True, text=True, check=False)
+
+
+def test_tutorials_test_passes_and_fails_readably(project):
+    done = run(project, "pytest", *LOAD, "-q", "test_my_integrator.py")
+    assert done.returncode == 0, done.stdout + done.stderr
+    step = project / "my_integrator.py"
+    step.write_text(step.read_text().replace("h / 2", "h / 3"))
+    done = run(project, "pytest", *LOAD, "-q", "test_my_integrator.py")
+    assert done.returncode == 1
+    assert "consistent: contradicted" in done.stdout
+    assert "Traceback" not in done.stdout
+    assert "certificate.py" not in done.stdout
+
+
+#: A test that prints the heavy modules imported by a pytest run without the fixture.
+UNUSED = """
+def test_nothing_else():
+    import json, sys
+    heavy = ("phasebench.integrators.driver", "phasebench.integrators.systems")
+    heavy += ("sympy", "numba", "numpy", "scipy", "pandas", "matplotlib")
+    print("LOADED", json.dumps([m for m in heavy if m in sys.modules]))
+"""
+
+
+def test_unused_plugin_imports_nothing_heavy(tmp_path):
+    (tmp_path / "test_other.py").write_text(UNUSED)
+    others = ("-p", "no:hypothesispytest", "-p", "no:jaxtyping", "-p", "no:benchmark")
+    done = run(tmp_path, "pytest", *LOAD, *others, "-q", "-s", "test_other.py")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert json.loads(re.search(r"LOADED (.*)", done.stdout)[1]) == []
+
+
+def test_true_claims_return_and_false_claims_fail(request):
+    claims_hold = importlib.import_module(PLUGIN).claims_hold
+    for requires in ("separable", ("separable",)):
+        found = claims_hold(leapfrog, requires=requires, order=2)
+        assert (found.verdict, found.requires, found.seed, found.offers) == ("pass", ("separable",), 0, [])
+    with pytest.raises(pytest.fail.Exception, match="order 3: contradicted") as failure:
+        claims_hold(leapfrog, requires="separable", seed=4, order=3)
+    assert not failure.value.pytrace, "what is wrong is no line of ours"
+    with pytest.raises(TypeError):
+        claims_hold(leapfrog, "separable")
+    if REGISTERED:
+        assert request.getfixturevalue("phasebench_claims")(leapfrog, requires="separable", order=2).verdict == "pass"

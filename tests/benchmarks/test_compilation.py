@@ -8,7 +8,6 @@ import json
 import numba
 import pytest
 
-import phasebench as pb
 from phasebench.benchmarks.advice.advise import advise
 from phasebench.benchmarks.certificate import times
 from phasebench.benchmarks.certificate.subject import subject
@@ -78,25 +77,6 @@ def test_advice_names_methods_that_fail_to_compile(run, families, failed, own):
     assert found["choice"] is not None
     assert first.startswith("warning: ") is bool(failed)
     assert (found["warning"] or "").startswith("None of this project's methods") is not own
-
-
-def test_python_interface_warns(run):
-    run("advise", "--accuracy", "1e-4", families=("all",))
-    system = pb.Hamiltonian(q="q", p="p", H=f"p**2/2 + {1 + next(CONSTANTS) / 1024!r}*q**4/4")
-    with pytest.warns(UserWarning, match="None of this project's methods"):
-        found = pb.advise(system, t_end=2.0, accuracy=1e-4, q0=[1.0], p0=[0.0], time_limit=60.0)
-    assert found.to_frame().attrs["failed"]
-
-
-@pytest.mark.parametrize("families", [(), ("runge_kutta",)])
-def test_workprecision_names_failed_methods(run, families):
-    methods = ("--method", "stormer-verlet", "--method", "rk4")
-    found, first = run("workprecision", *methods, families=families)
-    failed = [{"integrator": "rk4", "why": FAILED}] if families else []
-    assert found["failed"] == failed
-    assert first.startswith("warning: rk4 failed to compile") is bool(failed)
-    ran = {r["method"] for r in found["rows"] if r["status"] == "ok"}
-    assert ran == {"stormer-verlet"} | ({"rk4"} if not families else set())
 
 
 def test_certificate_whose_timing_reference_fails(monkeypatch):

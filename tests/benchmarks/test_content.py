@@ -6,7 +6,6 @@ import ast
 import re
 import shutil
 from dataclasses import replace
-from fractions import Fraction
 from functools import cache
 
 import mpmath
@@ -15,7 +14,7 @@ import pytest
 from phasebench.benchmarks.ladder import sweep
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
 from phasebench.benchmarks.store import cells
-from phasebench.benchmarks.store.cells import ProblemKey, content, exact
+from phasebench.benchmarks.store.cells import ProblemKey, content
 from phasebench.integrators import registry
 from phasebench.integrators.compile import digest
 from phasebench.integrators.registry import method
@@ -64,18 +63,6 @@ def test_rows_of_a_peer_depend_on_what_its_list_says(monkeypatch, tmp_path, old,
     cells._listed.cache_clear()
     assert (after[0], after[2]) == (before[0], before[2])
     assert (after[1] == before[1]) == same
-
-
-def test_exact_numbers_at_any_working_precision():
-    x = mpmath.mpf(1) / 3
-    with mpmath.workdps(60):
-        same, other = exact(x), exact(mpmath.mpf(1) / 3)
-    assert exact(x) == same != other
-    with pytest.raises(TypeError, match="depend on"):
-        exact(object())
-    with pytest.raises(TypeError, match="depend on"):
-        content(["a list", {"of": object()}])
-    assert len({exact(v) for v in (1, 1.0, Fraction(1, 3), "1", None, (1,), 0.1 + 0.2, 0.3)}) == 8
 
 
 def test_problem_parameters_and_scene_steps_count():

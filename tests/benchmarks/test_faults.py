@@ -11,12 +11,15 @@ import re
 import resource
 import signal
 import time
+from pathlib import Path
 
 import pytest
 
 from phasebench.benchmarks import report
-from phasebench.benchmarks.store import run, tables
+from phasebench.benchmarks.store import lines, run, tables, workers
+from phasebench.benchmarks.store.cells import ALONE, POOL, UNCOMPILED
 from phasebench.benchmarks.store.journal import Journal
+from phasebench.benchmarks.store.workers import DIED, LATE, Worker
 from phasebench.integrators.errors import InvalidInput
 from support import toy_cells
 
@@ -130,3 +133,75 @@ def test_report_of_an_unreadable_table_says_so(tmp_path):
     with pytest.raises(InvalidInput, match=r"rows\.csv cannot be read"):
         report.build(tmp_path)
     assert {p: p.read_bytes() for p in tmp_path.glob("*.md")} == before
+
+
+# -- workers -----------------------------------------------------------------------------------------------------------
+
+
+pytestmark = pytest.mark.usefixtures("importable")
+
+
+def test_a_call_returns_its_value_or_its_error_from_another_process():
+    with Worker() as worker:
+        first = worker.call(toy_cells.double, 21)
+        assert (first.value["twice"], first.error) == (42, None)
+        assert first.value["process"] != os.getpid()
+        there, here = worker.call(toy_cells.fail, 3), workers.answer(toy_cells.fail, (3,))
+        assert there.error == here.error == "ValueError: there is no 3"
+        assert there.value is here.value is None
+        process = first.value["process"]
+        for lost, error in (((toy_cells.die, 0), DIED), ((toy_cells.measure, 0, 60.0), LATE)):
+            assert worker.call(toy_cells.double, 1).value["process"] == process
+            assert worker.call(*lost, seconds=1.0 if error == LATE else 30.0).error == error
+            process = worker.call(toy_cells.double, 2).value["process"]
+            assert process != first.value["process"]
+
+
+@pytest.mark.parametrize(("where", "expected"), [(POOL, None), (UNCOMPILED, "1")])
+def test_compilation_depends_on_the_place(monkeypatch, where, expected):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
+    with Worker(where) as made:
+        assert made.call(os.getenv, "NUMBA_DISABLE_JIT").value == expected
+
+
+#: Marks tests that ask whether another process runs.
+needs_proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc to look into")
+
+
+def runs(pid: int) -> bool:
+    """True if a process with this id runs; False for a zombie."""
+    state = Path(f"/proc/{pid}/stat")
+    return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+def ends(pid: int, seconds: float = 5.0) -> bool:
+    """Wait until the process with this id ends, for at most so many seconds; True if it has ended."""
+    last = time.monotonic() + seconds
+    while runs(pid) and time.monotonic() < last:
+        time.sleep(0.05)
+    return not runs(pid)
+
+
+@needs_proc
+def test_worker_of_a_worker_ends_with_it(tmp_path):
+    started = tmp_path / "started"
+    with Worker() as outer:
+        assert outer.call(toy_cells.start_a_worker, str(started), seconds=5.0).error == LATE
+    assert ends(int(started.read_text()))
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: ())(0)) < 2, reason="there are no two cores")
+def test_timed_cells_run_on_separate_cores(tmp_path):
+    toys = [toy_cells.cell(n, function=toy_cells.core, where=ALONE) for n in range(4)]
+    entries, failed, _ = lines.measure(tmp_path / "rows", toys, lambda *_: None, jobs=3)
+    rows = [entries[cell.id].rows["toys"][0] for cell in toys]
+    assert not failed
+    assert {len(r["x"]) for r in rows} == {1}
+    for one in rows:
+        beside = [r for r in rows if abs(r["seconds"] - one["seconds"]) < 0.25]
+        assert [r["n"] for r in beside if r["x"] == one["x"]] == [one["n"]]
+    free = [toy_cells.cell(n, function=toy_cells.core, where=POOL) for n in range(2)]
+    free += [toy_cells.cell(5, function=toy_cells.die, where=POOL)]
+    entries, failed, _ = lines.measure(tmp_path / "free", free, lambda *_: None, jobs=2)
+    assert all(len(e.rows["toys"][0]["x"]) > 1 for e in entries.values()), "the control: others go where they want"
+    assert [line.partition(": ")[2] for line in failed] == ["its process died"]

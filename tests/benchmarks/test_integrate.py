@@ -9,10 +9,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import phasebench as pb
 from phasebench.benchmarks.measure import every_step, global_error
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.workprecision import WorkPrecision, improving
 from phasebench.integrators import integrate
 from phasebench.reference.certificates import stored
 from phasebench.reference.peers import integrate_peer
@@ -181,6 +183,23 @@ def test_error_back_in_time(name):
     assert moving[0] != pytest.approx(moving[1], rel=0.1), "control"
 
 
+@pytest.mark.parametrize(
+    ("span", "begin", "end"),
+    [
+        (("--h", "0.1", "--t-end", "-2"), 0.0, -2.0),
+        (("--h", "0.1", "--t-end", "3", "--t0", "5"), 5.0, 3.0),
+        (("--h", "-0.1", "--steps", "20"), 0.0, -2.0),
+    ],
+)
+def test_span_may_start_anywhere_and_be_negative(span, begin, end):
+    ahead = integrate_json("pendulum", "gauss-4", "--h", "0.1", "--t-end", "2")
+    found = integrate_json("pendulum", "gauss-4", *span, "--error")
+    assert found["t"] == pytest.approx(end)
+    assert found["q"] == pytest.approx(ahead["q"], rel=1e-12)  # the pendulum starts at rest
+    assert found["p"] == pytest.approx([np.sign(end - begin) * x for x in ahead["p"]], rel=1e-12)
+    assert found["global_error"] < 1e-9
+
+
 def test_energy_errors_are_absolute_and_relative():
     found = integrate_json("pendulum", "rk4", "--h", "0.1", "--t-end", "10")
     made = problem("pendulum")
@@ -243,8 +262,52 @@ def test_the_trajectory_is_kept_where_an_error_cannot_be_told(tmp_path):
     assert len((tmp_path / "t.csv").read_text().splitlines()) == 23
 
 
-def test_work_precision_and_rows_of_a_user_problem(tmp_path):
-    mine, figure, path = (tmp_path / name for name in ("mine.py", "figure.png", "rows.jsonl"))
+# -- work and precision ------------------------------------------------------------------------------------------------
+
+
+PENDULUM = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+
+
+@pytest.fixture(scope="module")
+def result():
+    return pb.workprecision(PENDULUM, ["pefrl", "heyoka", leapfrog], t_end=3.0, q0=[1.0], p0=[0.0])
+
+
+def test_every_integrator_is_refined_to_round_off(result):
+    frame = result.to_frame()
+    assert list(dict.fromkeys(frame["method"])) == result.methods == ["pefrl", "heyoka", "leapfrog"]
+    least = frame[frame["status"] == "ok"].groupby("method")["error"].min()
+    assert least["pefrl"] < 1e-12
+    assert least["heyoka"] < 1e-13
+    assert 1e-12 < least["leapfrog"] < 1e-4, "it is called from Python"
+    assert set(frame["kind"]) == {"phasebench", "heyoka", "own step"}
+
+
+def test_accuracy_is_met_beyond_the_uncertainty_of_the_reference():
+    """The faster run's error is below 1e-3 by less than the uncertainty; a failed run counts for nothing."""
+    row = {"method": "a", "problem": "p", "t_end": 1.0, "quantity": "energy", "uncertainty": 2e-4}
+    runs = [(9e-4, 1.0, "ok"), (7e-4, 2.0, "ok"), (1e-5, 0.5, "diverged")]
+    rows = tuple(row | {"error": e, "seconds": s, "status": status} for e, s, status in runs)
+    (line,) = WorkPrecision(rows).table()
+    assert [line[x] for x in ("1e-01", "1e-03", "1e-05", "least error")] == ["1", "2", "-", "7.0e-04"]
+
+
+def test_line_joins_falling_errors_only():
+    errors = [3.0, 5.0, 1e-2, 1e-12, 3e-13, 9e-13, 2e-13, 4e-13]
+    falling, rest = improving([{"error": e} for e in errors])
+    assert [r["error"] for r in falling] == [3.0, 1e-2, 1e-12, 3e-13, 2e-13]
+    assert [r["error"] for r in rest] == [5.0, 9e-13, 4e-13]
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".pdf", ".png"])
+def test_figure_has_the_format_of_its_suffix(result, tmp_path, suffix):
+    one, other = (result.plot(tmp_path / f"{k}{suffix}").read_bytes() for k in "ab")
+    assert one.startswith({".svg": b"<?xml", ".pdf": b"%PDF", ".png": b"\x89PNG"}[suffix])
+    assert one == other
+
+
+def test_commands_measure_a_problem_of_ones_own_and_draw(tmp_path):
+    mine, figure, path = (tmp_path / name for name in ("mine.py", "figure.svg", "rows.jsonl"))
     mine.write_text("""
 from phasebench import Hamiltonian, Orbit, Problem
 
@@ -253,14 +316,24 @@ problem = Problem(
     system=Hamiltonian(q="q", p="p", H="p**2/2 + q**4/4"), orbits=(Orbit("start", (1.0,), (0.0,)),),
 )
 """)
-    options = ["workprecision", mine, "--t-end", "10", "--method", "pefrl", "--method", "heyoka"]
-    done = call(*options, "--output", figure, "--json")
-    assert done.exit_code == 0, done.stderr
-    rows = json.loads(done.stdout)["rows"]
-    assert {r["method"] for r in rows} == {"pefrl", "heyoka"}
-    assert figure.read_bytes().startswith(b"\x89PNG")
-    errors = [r["error"] for r in rows if r["method"] == "pefrl" and r["status"] == "ok"]
-    assert min(errors) < 1e-11 < 1e-2 < errors[0]
+    methods = ("--method", "pefrl", "--method", "scipy-dop853")
+    done = call("workprecision", mine, "--t-end", "2", *methods, "--json", "--output", figure)
+    assert {r["method"] for r in json.loads(done.stdout)["rows"]} == {"pefrl", "scipy-dop853"}
+    assert (done.exit_code, figure.exists()) == (0, True)
     assert call("run", mine, "--t-end", "5", "--method", "pefrl", "--output", path).exit_code == 0
     rows = [json.loads(line) for line in path.read_text().splitlines()]
     assert ({r["method"] for r in rows}, len(rows) > 8) == ({"pefrl"}, True)
+
+
+def test_a_span_to_which_no_reference_is_known_is_refused():
+    with pytest.raises(pb.InvalidInput, match=r"the reference is known to \d.* alone"):
+        pb.workprecision("henon-heiles:chaotic", ["rk4"], t_end=1000.0)
+    assert pb.workprecision("double-pendulum:chaotic", ["rk4"], t_end=60.0, quantity="energy").methods == ["rk4"]
+
+
+def test_bad_input_gets_its_error(result, tmp_path):
+    for t_end in (-1.0, float("nan"), True):
+        with pytest.raises(pb.InvalidInput, match="t_end"):
+            pb.workprecision("pendulum", t_end=t_end)
+    with pytest.raises(pb.InvalidInput, match=r"\.pdf"):
+        result.plot(tmp_path / "a.jpg")

@@ -81,6 +81,17 @@ def test_old_spelling_of_parameters_warns(call):
     assert old == new != other
 
 
+def test_old_name_of_the_time_limit_warns():
+    with pytest.warns(DeprecationWarning, match="timeout= is now time_limit=") as told:
+        assert pb.integrate("harmonic-oscillator", "rk4", h=0.1, steps=10, timeout=60.0).status == "ok"
+    assert told[0].filename == __file__
+    limited = {"t_end": 1.0, "accuracy": 1e-3, "limit": -1.0}
+    with pytest.warns(DeprecationWarning, match="limit= is now"), pytest.raises(InvalidInput, match="time_limit"):
+        pb.advise("pendulum", **limited)
+    with pytest.raises(InvalidInput, match="both are given"):
+        pb.advise("pendulum", **limited, time_limit=2.0)
+
+
 # -- invalid input ----------------------------------------------------------------------------------------------------
 
 
@@ -229,3 +240,49 @@ def test_ensembles_and_sections_as_frames_and_figures():
     np.testing.assert_array_equal(drawn, np.column_stack([crossings.q[:, 1], crossings.p[:, 1]]))
     with pytest.raises(InvalidInput, match="one degree of freedom"):
         pb.section("pendulum", "rk4", [[1.0]], [[0.0]], of="q", h=0.1, steps=10).plot()
+
+
+# -- a solution --------------------------------------------------------------------------------------------------------
+
+
+PENDULUM = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+
+
+def swing(**options):
+    return pb.integrate(PENDULUM, "stormer-verlet", **{"h": 0.1, "steps": 20, "q0": [1.0], "p0": [0.5]} | options)
+
+
+@pytest.mark.parametrize("method", ["stormer-verlet", "gauss-4", "heyoka"])
+def test_error_is_against_a_finer_run(method):
+    options = {"tol": 1e-6} if method == "heyoka" else {"h": 0.25}
+    s = pb.integrate(PENDULUM, method, t_end=5.0, q0=[1.0], p0=[0.5], **options)
+    exact = pb.integrate(PENDULUM, "gauss-8", t_end=5.0, h=0.05, q0=[1.0], p0=[0.5])
+    expected = max(abs(s.q[-1] - exact.q[-1]).max(), abs(s.p[-1] - exact.p[-1]).max())
+    found = s.error()
+    assert found.error == pytest.approx(expected, abs=1e-13)
+    assert 0 < found.uncertainty < 1e-14
+    assert (found.horizon, found.source, found.reason) == (5.0, "long double", "")
+
+
+def test_failed_run_has_no_error():
+    away = pb.integrate("henon-heiles:box", "stormer-verlet", h=0.1, t_end=100, q0=[3, 3], p0=[0, 0])
+    assert away.status == "diverged"
+    with pytest.raises(pb.InvalidInput, match="diverged"):
+        away.error()
+
+
+def test_plot_draws_the_energy_error_and_the_orbit():
+    s = swing()
+    energy, orbit = s.plot().axes
+    np.testing.assert_array_equal(energy.lines[0].get_ydata(), s.energy() - s.energy()[0])
+    np.testing.assert_array_equal(orbit.lines[0].get_xydata(), np.hstack([s.q, s.p]))
+    wide = pb.integrate("henon-heiles:box", "rk4", h=0.1, steps=9)
+    np.testing.assert_array_equal(wide.plot().axes[1].lines[0].get_xydata(), wide.q)
+
+
+def test_frame_has_the_variables_by_name():
+    s = swing()
+    frame = s.to_frame()
+    assert list(frame) == ["t", "q", "p", "energy"]
+    np.testing.assert_array_equal(frame[["t", "q", "p"]].to_numpy(), np.column_stack([s.t, s.q, s.p]))
+    np.testing.assert_array_equal(frame["energy"], s.energy())

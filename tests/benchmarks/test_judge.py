@@ -266,10 +266,7 @@ INCONSISTENT = orders(2.0, 2.0, terms=(1.0, 1e-17))
 @pytest.mark.parametrize(
     ("name", "claimed", "rows", "expected"),
     [
-        ("order", 2, orders(2.0, 2.05), HOLDS),
         ("order", 2, orders(2.0, 4.0), HOLDS),  # the symmetry of one system may raise the order
-        ("order", 2, orders(4.0, 4.0), CONTRADICTED),
-        ("order", 2, orders(1.0, 2.0), CONTRADICTED),
         ("order", 2, orders(1.5, 1.5), UNJUDGED),
         ("order", 2, orders(2.0, 1.5), UNJUDGED),  # no evidence on a system that is not T + V
         ("order", 2, orders(NAN, 2.0), UNJUDGED),
@@ -284,12 +281,7 @@ INCONSISTENT = orders(2.0, 2.0, terms=(1.0, 1e-17))
         ("consistent", None, double(0.002, 0.01), UNJUDGED),
         ("consistent", None, adaptive(1e-4, 2e-9), HOLDS),
         ("consistent", None, adaptive(1e-4, 1e-4), CONTRADICTED),
-        ("symplectic", True, {"symplectic": [KEPT | {"on": "a"}]}, HOLDS),
-        ("symplectic", True, {"symplectic": [KEPT | {"on": "a"}, BROKEN | ELSEWHERE]}, CONTRADICTED),
-        ("symplectic", True, {"symplectic": [KEPT | {"on": "a"}, OPEN | ELSEWHERE]}, UNJUDGED),
         ("symplectic", True, {"symplectic": [KEPT | {"on": "a"}, FAILED]}, UNJUDGED),
-        ("symplectic", False, {"symplectic": [KEPT | {"on": "a"}, BROKEN | ELSEWHERE]}, HOLDS),
-        ("symplectic", False, {"symplectic": [KEPT | {"on": "a"}]}, CONTRADICTED),
         *(("symplectic", x, {"symplectic": [KEPT | ELSEWHERE]} | INCONSISTENT, UNJUDGED) for x in (True, False)),
         *(("symplectic", True, defect(x), v) for x, v in ((0.9e-13, HOLDS), (2e-13, UNJUDGED), (2e-11, CONTRADICTED))),
         *(("symplectic", True, jump(x), v) for x, v in ((0.0, HOLDS), (2e-13, UNJUDGED), (2e-11, CONTRADICTED))),
@@ -297,8 +289,6 @@ INCONSISTENT = orders(2.0, 2.0, terms=(1.0, 1e-17))
         ("symplectic", True, defect() | long_runs(STAYS), HOLDS),
         ("symplectic", True, defect() | long_runs(DRIFTS), UNJUDGED),
         ("energy", "preserved", long_runs(TINY), HOLDS),
-        ("energy", "preserved", long_runs(TINY, STAYS), CONTRADICTED),
-        ("energy", "bounded", long_runs(STAYS, LOST), UNJUDGED),
         ("bilinear", "preserved", long_runs(STAYS), UNJUDGED),  # it was not measured
         ("stability", 200.0, stable(201.0), HOLDS),  # off by 0.5 %
         ("stability", 200.0, stable(201.1), CONTRADICTED),

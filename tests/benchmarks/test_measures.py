@@ -1,65 +1,31 @@
-"""The exhaustive root scan, times and which of two is cheaper, and the C loop."""
+"""Metrics on synthetic data with known answers; times, which of two is cheaper, the C loop and the clock."""
 
 from __future__ import annotations
 
+from fractions import Fraction
 from itertools import pairwise
 from math import inf
 from types import SimpleNamespace
 
+import mpmath
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.measure import c_loop, root_scan, timing
+from phasebench.benchmarks.measure import (
+    battery,
+    c_loop,
+    clock,
+    metrics,
+    multiprecision,
+    step_map,
+    timing,
+)
+from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.timing import NONE, NOWHERE, OURS, PEERS, TIED, Median
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.problems.models import planets
 from phasebench.integrators import integrate
-from phasebench.reference import native
-
-# -- the exhaustive scan -----------------------------------------------------------------------------------------------
-# On the oscillator a step of Scheme I changes H by (lambda - 1/2) h^2 (u^2 - v^2) at its stage (v, u); from
-# (q, p) = (1, 0) the stage has u = -lambda h v: the roots are 1/2 and +-1/h.  The stage equations have determinant
-# 1 + lambda (1 - lambda) h^2; at h = 1/2 it vanishes at lambda = (1 +- sqrt 17) / 2, on this side of -1/h = -2.
-
-
-@pytest.fixture(scope="module")
-def oscillator_scan():
-    one, zero = np.array([[1.0]]), np.array([[0.0]])
-    return lambda H0, **options: root_scan.scan(
-        problem("harmonic-oscillator"), "scheme-iv", 0.5, one, zero, H0, reach=6.0, **options
-    )
-
-
-def test_scan_finds_the_known_roots(oscillator_scan):
-    found = oscillator_scan(0.5)
-    (roots,) = found.roots
-    assert roots == pytest.approx([0.5, 2.0], abs=2e-3)
-    assert found.high == pytest.approx([(1 + 17**0.5) / 2], abs=0.04)
-    assert found.low == pytest.approx([(1 - 17**0.5) / 2], abs=0.04)
-
-
-def test_scan_agrees_with_the_root_finder_of_the_kernels():
-    made = problem("henon-heiles:chaotic")
-    for scheme in ("scheme-iv", "scheme-v"):
-        s = integrate(made, scheme, h=0.02, t_end=0.2)
-        found = root_scan.along(made, scheme, 0.02, 0.2, reach=1.0)
-        for lam, roots in list(zip(s.parameter, found.roots, strict=True))[1:]:
-            assert np.abs(roots - lam).min() < 1e-3
-
-
-# -- models ------------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("rungs", [planets.planet_models(), planets.particle_models()])
-def test_model_of_the_planets_starts_where_they_are(rungs):
-    full = problem("outer-solar-system")
-    for rung in rungs[:-1]:
-        made = rung.make()
-        q, _ = rung.lift(full, np.zeros(1), np.array([made.q0]), np.array([made.p0]))
-        known = ~np.isnan(q[0])
-        assert 3 < known.sum() < full.system.d
-        assert np.array_equal(q[0, known], np.array(full.q0)[known])
-
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, vector
+from phasebench.integrators.registry import BY_ID
 
 # -- times -------------------------------------------------------------------------------------------------------------
 
@@ -91,20 +57,6 @@ def test_interleaved_alternates_and_drops_the_first_round(monkeypatch):
     turns = ["".join(clock.calls[i : i + 2]) for i in range(0, 10, 2)]
     assert set(turns) == {"ab", "ba"}
     assert all(x != y for x, y in pairwise(turns))
-
-
-@pytest.mark.parametrize("n", [6, 11, 21])
-def test_interval_covers_the_median_of_skewed_times(n):
-    """Times are bounded below and have a long tail; a narrower interval would not cover."""
-    draws = 1 + np.random.default_rng(n).exponential(size=(20_000, n))
-    found = [timing.median(row) for row in draws]
-    true = 1 + np.log(2)
-    covered = np.mean([m.low <= true <= m.high for m in found])
-    assert covered + 0.005 >= 0.95
-    assert covered <= 0.995
-    k = timing.rank(n)
-    inner = np.sort(draws, axis=1)[:, [k, -k - 1]]
-    assert np.mean((inner[:, 0] <= true) & (true <= inner[:, 1])) < 0.95
 
 
 ONE, TWO, WIDE = Median(1.0, 0.9, 1.1), Median(2.0, 1.9, 2.1), Median(2.0, 1.05, 3.0)
@@ -173,13 +125,221 @@ def test_c_loop_needs_a_quadratic_kinetic_energy():
             c_loop.Loop(made)
 
 
-def test_missing_c_compiler_is_reported(monkeypatch):
-    monkeypatch.setattr(native, "compiler", lambda language="C": None)
-    with pytest.raises(RuntimeError, match="no C compiler"):
-        c_loop.Loop(problem("pendulum"))
-
-
 def test_ranks_agree_with_published_tables():
     """David & Nagaraja; the sign test's critical values at 5 %, two-sided."""
     assert [timing.rank(n) for n in (3, 5, 6, 8, 9, 11, 12, 15, 20, 21, 25)] == [1, 1, 1, 1, 2, 2, 3, 4, 6, 6, 8]
     assert timing.rank(40_001) == 19_805  # n/2 - 0.98 sqrt(n), computed exactly and fast
+
+
+# -- the clock of a prepared run ---------------------------------------------------------------------------------------
+
+
+class Run:
+    """A run that advances a fake clock by a given number of seconds."""
+
+    def __init__(self, seconds: float, away: float = 0.0, disturbed: int = 0, spared: int = 2):
+        self.now = self.thread = 0.0
+        self.seconds, self.away, self.disturbed, self.spared = seconds, away, disturbed, spared
+        self.starts: list[tuple] = []
+        self.sizes: list[tuple] = []
+
+    def restart(self, q, p):
+        """Record the initial state of the next call."""
+        self.starts.append((*q, *p))
+
+    def advance(self, *size):
+        """Let the clock run by ``seconds``; disturbed calls take ``away`` more, the first ``spared`` never do."""
+        self.sizes.append(size)
+        self.thread += self.seconds
+        self.now += self.seconds
+        if self.disturbed and len(self.sizes) > self.spared:
+            self.disturbed -= 1
+            self.now += self.away
+
+
+@pytest.fixture
+def make_clock(monkeypatch):
+    """A function that makes a `Clock` for a `Run` on the fake clock."""
+
+    def make(run: Run, **more) -> clock.Clock:
+        monkeypatch.setattr(clock.time, "perf_counter", lambda: run.now)
+        monkeypatch.setattr(clock.time, "thread_time", lambda: run.thread)
+        return clock.Clock(run, (0.1, 10), ((1.0,), (0.5,)), **more)
+
+    return make
+
+
+def test_long_run_is_timed_once_after_warm_up(make_clock):
+    run = Run(0.01)
+    assert make_clock(run)() == pytest.approx(0.01)
+    assert run.sizes == [(0.1, 10)] * 3  # two to warm up, one counted
+
+
+def test_short_run_is_repeated_from_different_starts(make_clock):
+    run = Run(7e-6)
+    one = make_clock(run)
+    assert one() == pytest.approx(7e-6)
+    counted = run.starts[2:]
+    assert len(counted) == 15
+    assert len(set(counted)) == min(15, clock.STARTS)
+    assert np.abs(np.array(counted) / counted[0] - 1).max() < 20 * clock.EPS
+    assert 15 * 7e-6 >= clock.LEAST > 14 * 7e-6
+
+
+def test_disturbed_reading_is_repeated_and_counted(make_clock):
+    quiet, run = Run(1e-3), Run(1e-3, away=1e-3, disturbed=2)
+    sharing = clock.Sharing()
+    assert make_clock(run, sharing=sharing)() == pytest.approx(1e-3)
+    assert (sharing.readings, sharing.repeated, sharing.disturbed) == (3, 2, 0)
+    sharing = clock.Sharing()
+    assert make_clock(quiet, sharing=sharing)() == pytest.approx(1e-3)
+    assert (sharing.readings, sharing.repeated, sharing.disturbed) == (1, 0, 0)
+
+
+def test_persistent_disturbance_is_reported(make_clock):
+    run, sharing = Run(1e-3, away=1e-3, disturbed=1000), clock.Sharing()
+    assert make_clock(run, sharing=sharing)() == pytest.approx(2e-3)
+    assert sharing.disturbed == 1
+    assert sharing.readings == 1 + clock.AGAIN
+
+
+def test_size_of_a_timed_run():
+    """So many steps that end at t_end; or, of an adaptive integrator, t_end."""
+    made = problem("pendulum")
+    fixed, adaptive = (clock.clock(integrator(id), made, t_end=2.0, steps=8, run=Run(1.0)) for id in ("rk4", "heyoka"))
+    assert (fixed.size, adaptive.size) == ((0.25, 8), (2.0,))
+
+
+# -- metrics -----------------------------------------------------------------------------------------------------------
+
+
+H = 0.1 / 2.0 ** np.arange(10)
+
+# -- orders ------------------------------------------------------------------------------------------------------------
+
+
+def without(*places, errors=H**2):
+    """Errors of order 2 of which some are unknown."""
+    errors = errors.copy()
+    errors[list(places)] = np.nan
+    return errors
+
+
+@pytest.mark.parametrize(
+    ("h", "error", "more", "value", "points", "first"),
+    [
+        (H, 3 * H**2, {}, 2, 10, H[0]),
+        (H[::-1], H[::-1] ** 2, {}, 2, 10, H[0]),
+        (H[:3], H[:3] ** 2, {}, 2, 3, H[0]),
+        (H, without(4), {}, 2, 5, H[5]),  # the window ends there
+        (0.1 / 2.0 ** np.arange(11), without(5, errors=(0.1 / 2.0 ** np.arange(11)) ** 2), {}, 2, 5, 0.1 / 64),
+        (H, np.where(np.arange(10) == 9, np.inf, without(0)), {}, 2, 8, H[1]),
+        (H, np.maximum(H, H[4]) ** 2, {"noise": 1.5 * H[4] ** 2}, 2, 4, H[0]),
+        (H, np.maximum(H, H[4]) ** 2, {}, 0, 6, H[4]),  # the control: the constant errors of round-off fit best
+        (H, np.concatenate([np.full(6, 1.0), H[6:] ** 2]), {"ceiling": 0.5}, 2, 4, H[6]),
+        (H, np.concatenate([np.full(6, 1.0), H[6:] ** 2]), {}, 0, 6, H[0]),
+    ],
+)
+def test_order_of_a_window(h, error, more, value, points, first):
+    found = metrics.order(h, error, **more)
+    assert found.value == pytest.approx(value, abs=1e-9)
+    assert (found.points, found.first) == (points, pytest.approx(first, rel=1e-15))
+
+
+@pytest.mark.parametrize("p", [1, 2, 4, 6])
+def test_order_excludes_coarse_steps_and_round_off(p):
+    h = 0.2 / 1.5 ** np.arange(16)
+    noise = 10.0 ** (-2 * p - 4)
+    error = h**p * (1 + 60 * h**2) + noise * (1 + 0.3 * np.sin(37.0 * np.arange(len(h))))
+    o = metrics.order(h, error, noise=10 * noise)
+    assert abs(o.value - p) < 0.1
+    assert o.first < h[0]
+    assert o.points >= 3
+    assert abs(np.polyfit(np.log(h), np.log(error), 1)[0] - p) > 0.1, "the control: all points together mislead"
+
+
+def test_order_of_too_few_points_is_nan():
+    o = metrics.order(H, np.where(np.arange(len(H)) < 2, H**2, 0.0))
+    assert o.points == 0
+    assert np.isnan(o.value)
+    with pytest.raises(ValueError, match="at least 3"):
+        metrics.slope([0, 1], [0, 1])
+
+
+def test_slope_interval_covers_the_truth():
+    rng = np.random.default_rng(2)
+    inside = 0
+    for _ in range(200):
+        s = metrics.slope(np.log(H), np.log(H**2) + 0.1 * rng.standard_normal(len(H)))
+        inside += s.low <= 2 <= s.high
+    assert 0.9 < inside / 200 < 0.99
+
+
+# -- defects of maps ---------------------------------------------------------------------------------------------------
+
+
+def rotation(angle):
+    return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+
+def shear(*more):
+    out = np.eye(4)
+    out[:2, 2:] = [[1.0, 0.3 + sum(more)], [0.3, -2.0]]
+    return out
+
+
+@pytest.mark.parametrize(
+    ("matrix", "defect"),
+    [
+        (shear(), 0),
+        (shear(0.5), 0.5),  # not symmetric
+        (rotation(0.7), 0),
+        (1.1 * rotation(0.7), 0.21),
+        (np.diag([2.0, 0.5, 1.0, 1.0]), 1),  # it keeps the volume, which is not enough
+        (np.diag([2.0, 1.0, 0.5, 1.0]), 0),
+    ],
+)
+def test_symplecticity_defect_of_a_matrix(matrix, defect):
+    assert step_map.symplecticity_defect(matrix) == pytest.approx(defect, abs=1e-15)
+
+
+def test_return_distance_is_relative_to_the_state():
+    there, back, y = (lambda x: 2 * x), (lambda x: x / 2 + [0.0, 0.5]), np.array([3.0, 4.0])
+    assert step_map.return_distance(there, back, y) == 0.5
+    assert step_map.return_distance(there, back, y, sizes=np.array([1.0, 5.0])) == pytest.approx(0.1)
+
+
+# -- the reference ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("T", "most"), [(Fraction(1, 64), 1e-34), (Fraction(1, 4), 1e-34), (1, 1e-20)])
+def test_extrapolation_within_its_stated_uncertainty(T, most):
+    with precision(40):
+        length = multiprecision.to_number(T, MULTIPRECISION)
+        end, doubt = multiprecision.extrapolate(lambda y: -2 * y, vector([3, 1]), length)
+        exact = mpmath.exp(-2 * mpmath.mpf(T.numerator) / T.denominator)
+        off = max(abs(mpmath.mpf(str(x)) - y) for x, y in zip(end, (3 * exact, exact), strict=True))
+        assert off <= mpmath.mpf(str(doubt))
+        assert 0 < doubt < most
+
+
+# -- variants and systems ---------------------------------------------------------------------------------------------
+
+
+EVERY = ["pendulum", "henon-heiles", "perturbed-kepler", "lotka-volterra", "tao", "coupled"]
+
+
+@pytest.mark.parametrize(
+    ("id", "few", "names"),
+    [
+        ("stormer-verlet", False, EVERY),
+        ("rk4", True, ["pendulum", "henon-heiles", "tao"]),
+        ("gauss-8", None, ["pendulum", "henon-heiles", "tao"]),  # of high order
+        ("mclachlan-atela-5", None, ["pendulum", "henon-heiles"]),
+        ("gautschi", True, ["henon-heiles", "two-frequencies"]),  # systems with a fast part
+        ("mclachlan-atela-4", None, ["pendulum", "henon-heiles", "perturbed-kepler"]),
+        ("scheme-iv", None, [name for name in EVERY if name != "lotka-volterra"]),
+    ],
+)
+def test_systems_suit_the_method(id, few, names):
+    assert battery.systems(BY_ID[id], few) == names

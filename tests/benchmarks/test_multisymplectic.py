@@ -13,7 +13,6 @@ from phasebench.benchmarks.problems import klein_gordon, nls
 from phasebench.benchmarks.studies import multisymplectic
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.families.multisymplectic import run, scheme, schemes
-from phasebench.integrators.systems.multisymplectic import Box, Staggered
 
 MODULES = {"nls": nls, "klein-gordon": klein_gordon}
 N, FEW, LENGTH = 5, 3, 2 * np.pi
@@ -32,39 +31,6 @@ def case(name, cells=N, strength=1.0):
 
 
 # -- equations and space discretizations -------------------------------------------------------------------------------
-
-
-def test_gradient_and_hessian_of_s(name):
-    equation, *_ = case(name)
-    z = np.random.default_rng(1).normal(size=len(equation.K))
-    moved = np.eye(len(z)) * 1e-5
-    slope = [(equation.S(z + e) - equation.S(z - e)) / 2e-5 for e in moved]
-    assert equation.gradient(z) == pytest.approx(slope, abs=1e-7)
-    curve = [(equation.gradient(z + e) - equation.gradient(z - e)) / 2e-5 for e in moved]
-    assert equation.hessian(z) == pytest.approx(np.array(curve), abs=1e-7)
-    assert np.array_equal(equation.K, -equation.K.T)
-    assert np.array_equal(equation.L, -equation.L.T)
-
-
-@pytest.mark.parametrize("division", [Box, Staggered])
-def test_space_discretization_is_symplectic(name, division):
-    equation, y, _, dx = case(name)
-    space = division(equation, N, dx)
-    slope, back = space.slope(np.eye(N)), space.back(np.eye(N))
-    assert back == pytest.approx(-slope.T, abs=1e-13)
-    wave = np.exp(1j * dx * np.arange(N))[:, None]
-    assert np.abs(space.slope(wave)) == pytest.approx(np.full((N, 1), abs(space.slope(wave)[0, 0])))
-    if division is Box:
-        nodes = space.nodes(y)
-        assert (nodes + np.roll(nodes, -1, axis=0)) / 2 == pytest.approx(y, abs=1e-14)
-        assert (np.roll(nodes, -1, axis=0) - nodes) / dx == pytest.approx(space.slope(y), abs=1e-13)
-    difference = [(space.field(y + e) - space.field(y - e)).ravel() / 2e-6 for e in 1e-6 * directions(y)]
-    assert space.jacobian(y) == pytest.approx(np.array(difference).T, abs=1e-7)
-
-
-def directions(y):
-    """The unit vectors of the state space, each in the shape of y."""
-    return np.eye(y.size).reshape(y.size, *y.shape)
 
 
 @pytest.mark.parametrize("id", schemes())

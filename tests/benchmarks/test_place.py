@@ -12,8 +12,6 @@ from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.ladder.bracket import evaluations_for
 from phasebench.benchmarks.measure import timing
-from phasebench.integrators.registry import BY_ID as METHODS
-from phasebench.reference.peers import BY_ID as PEERS
 from support.steps import leapfrog
 
 
@@ -33,36 +31,6 @@ from support.steps import leapfrog
 )
 def test_evaluations_needed_for_an_error(runs, wanted, expected):
     assert evaluations_for(runs, wanted) == (expected if expected is None else pytest.approx(expected))
-
-
-def run_of(integrator, evaluations, error, scene="kepler-orbit", status="ok"):
-    """A made-up row of the trade-off between cost and error: one run of an integrator."""
-    row = {"scene": scene, "integrator": integrator, "id": integrator.partition("(")[0]}
-    return row | {"evaluations": evaluations, "error": error, "status": status}
-
-
-def test_front_has_only_methods_that_evaluate_gradients():
-    rows = [run_of("rk4", 100, 1e-2), run_of("rk4", 1000, 1e-6), run_of("stormer-verlet", 300, 1e-3)]
-    others = [run_of("heyoka", 0, 1e-9), run_of("wisdom-holman", 2, 1e-9)]
-    others += [run_of("pefrl", 3, 1e-9, status="diverged"), run_of("pefrl", 3, 1e-9, scene="nls")]
-    lines = fronts.build([*rows, *others])
-    found = [(x["error"], x["integrator"], x["evaluations"]) for x in lines]
-    assert found == [(1e-2, "rk4", 100), (1e-4, "rk4", 316), (1e-6, "rk4", 1000)]
-    assert fronts.build([*rows, run_of("pefrl", 50, 1e-4)])[1]["integrator"] == "pefrl"
-
-
-def test_stored_fronts_and_times_cover_every_scene():
-    assert list(fronts.TABLE.load()) == list(times.TABLE.load()) == list(fronts.SCENES)
-    for by in fronts.TABLE.load().values():
-        assert tuple(by) == fronts.ERRORS
-        counts = [best.evaluations for best in by.values()]
-        assert counts == sorted(counts)
-    for known in times.TABLE.load().values():
-        assert set(known.fastest) <= set(fronts.ERRORS)
-        assert known.evaluations == 12 * known.steps, "the reference has twelve evaluations a step"
-        for best in known.fastest.values():
-            assert best.integrator.partition("(")[0] in METHODS.keys() | PEERS.keys()
-            assert 0 < best.share < 10
 
 
 def rank(monkeypatch, errors, adaptive=False, each=2):
@@ -138,29 +106,6 @@ def test_scenes_suit_the_integrator():
 
 
 # -- times -------------------------------------------------------------------------------------------------------------
-
-
-def test_fastest_is_stored_relative_to_the_reference():
-    def rung(seconds, steps, scene="kepler-orbit", integrator=times.REFERENCE, status="ok"):
-        row = {"scene": scene, "integrator": integrator, "status": status, "seconds": seconds}
-        return row | {"steps": steps, "evaluations": 12 * int(steps)}
-
-    def choice(accuracy, ours, peer, scene="kepler-orbit"):
-        row = {"scene": scene, "accuracy": accuracy}
-        row |= {"ours seconds": ours[0], "ours integrator": ours[1]}
-        return row | {"peer seconds": peer[0], "peer integrator": peer[1]}
-
-    rungs = [rung("1e-4", "10"), rung("1e-3", "100"), rung("1", "9", integrator="rk4")]
-    rungs += [rung("1", "9", status="diverged"), rung("1", "9", scene="pendulum-short")]
-    one, other, none = ("1e-4", "a"), ("2e-4", "b"), ("", "")
-    choices = [choice(1e-4, ("3e-4", "a"), other), choice(1e-2, one, none)]
-    choices += [choice(1e-6, (float("nan"), None), ("5e-4", "b")), choice(1e-8, none, none)]
-    choices += [choice(1e-3, one, other)]  # an accuracy that is not compared
-    choices += [choice(1e-2, one, other, "nls"), choice(1e-2, one, other, "henon-heiles-chaotic")]  # no reference
-    lines = times.build(choices, rungs)
-    found = [(x["error"], x["integrator"], x["share"]) for x in lines]
-    assert found == [(1e-2, "a", 0.1), (1e-4, "b", 0.2), (1e-6, "b", 0.5)]
-    assert {(x["scene"], x["steps"], x["evaluations"]) for x in lines} == {("kepler-orbit", 100, 1200)}
 
 
 def test_factor_is_measured_through_the_reference():

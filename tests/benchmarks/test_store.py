@@ -103,13 +103,6 @@ def test_second_run_measures_only_its_sample(tmp_path):
     assert {run.split()[-1] for run in known(tmp_path, "run").values()} == {MACHINE}
 
 
-def test_only_changed_cells_are_measured_again(tmp_path):
-    execute(tmp_path, toy_cells.cells(6))
-    changed = [toy_cells.cell(n, version=2 if n in (1, 4) else 1) for n in range(6)]
-    assert measured_now(execute(tmp_path, changed)) == [1, 4]
-    assert known(tmp_path, "content") == {n: cell.content for n, cell in enumerate(changed)}
-
-
 def test_outdated_rows_stay_marked_without_a_budget(tmp_path):
     tmp_path = tmp_path / "data"
     execute(tmp_path, toy_cells.cells(4))

@@ -6,7 +6,6 @@ A measurement is a `Cell`: a function, its arguments and the tables that its row
 from __future__ import annotations
 
 import os
-import sys
 import time
 from pathlib import Path
 
@@ -68,18 +67,6 @@ def start_a_worker(path: str) -> None:
     worker = Worker()
     Path(path).write_text(str(worker.call(os.getpid).value))
     worker.call(time.sleep, 60)
-
-
-def start(path: str, n: int) -> dict:
-    """Start a subprocess that writes its id to the file ``path`` and sleeps for a minute, and wait for it.
-
-    Then return the made-up measurement n.
-    """
-    import subprocess
-
-    late = f"import os, time; open({path!r}, 'w').write(str(os.getpid())); time.sleep(60)"
-    subprocess.run([sys.executable, "-c", late], check=False)
-    return measure(n)
 
 
 def die(n: int) -> dict:
