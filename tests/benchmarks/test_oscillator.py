@@ -75,13 +75,6 @@ def test_narrow_gap_after_the_first_interval(width, part):
     assert found.touches == ()
 
 
-def test_gauss_touches_where_its_phase_is_pi():
-    """The stability function R = (1 - z^2/12 + i z/2) / (1 - z^2/12 - i z/2) is -1 at z^2 = 12."""
-    found = oscillator.find(integrator("gauss-2"))
-    assert found.limit is None
-    assert found.touches == pytest.approx([math.sqrt(12)], rel=1e-5)
-
-
 def test_lobatto_has_a_gap():
     found = oscillator.find(integrator("lobatto-iiia-iiib-3"))
     assert np.allclose(found.intervals, [(0, math.sqrt(8)), (math.sqrt(12), math.sqrt(24))], rtol=TEN_DIGITS, atol=0)

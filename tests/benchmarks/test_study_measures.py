@@ -18,6 +18,7 @@ from phasebench.benchmarks.studies.costs.systems import SYSTEMS
 from phasebench.benchmarks.studies.declared import matrix
 from phasebench.benchmarks.studies.ensembles import against, maps
 from phasebench.benchmarks.studies.models import measure as models
+from phasebench.benchmarks.studies.molecules import water
 from phasebench.benchmarks.studies.said.talks import statements
 from phasebench.benchmarks.studies.said.talks.checks import PROBES
 from phasebench.benchmarks.studies.said.talks.statements import CHECKS, PAGES, judge
@@ -61,6 +62,20 @@ def test_errors_of_simplified_models_are_those_stored(scene, monkeypatch):
     stored = report.Data(REPORTS)("models").query("scene == @scene")["modelling error"]
     found = [row["modelling error"] for row in models.models_of(scene)["models"]]
     assert found == pytest.approx(stored.tolist(), rel=1e-6, abs=1e-12)
+
+
+# -- molecules ---------------------------------------------------------------------------------------------------------
+
+
+def test_errors_of_a_water_are_seen():
+    x, v = water.start()
+    rows = np.repeat(x[None], 40, axis=0), np.repeat(v[None], 40, axis=0)
+    assert max(map(abs, water.errors(*rows).values())) < 1e-15
+    rows[0][7] *= 1 + 1e-6
+    assert abs(water.errors(*rows)["distances"] - 1e-6) < 1e-9
+    rows[1][-4:] *= 1 + 1e-3
+    assert abs(water.errors(*rows)["energy drift"] - 2e-3) < 1e-4
+    assert water.errors(*rows)["angular momentum"] > 1e-4
 
 
 # -- what others print and say -----------------------------------------------------------------------------------------
