@@ -30,7 +30,6 @@ from phasebench.benchmarks.problems.questions import QUESTIONS
 from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.integrators import integrate
 from phasebench.integrators.registry import METHODS
-from phasebench.integrators.statuses import STATUSES
 from phasebench.reference.peers import PEERS
 from support.commands import call, run_json, strict
 from support.heavy import HEAVY
@@ -174,11 +173,6 @@ def test_text_and_json_agree():
         numbers = np.ravel([strict(found.stdout)[key] for key in keys])
         shown = [form.format(x) for x in numbers.tolist()]
         assert all(text.stdout.count(x) >= shown.count(x) for x in shown)
-
-
-def test_help_prints_all_statuses():
-    text = " ".join(call("integrate", "--help", COLUMNS="200").output.split())
-    assert all(f"{name}: {status.meaning}" in text for name, status in STATUSES.items())
 
 
 @pytest.mark.lowest
