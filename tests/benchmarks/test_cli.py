@@ -239,16 +239,28 @@ REGISTERED = {
 
 @pytest.mark.parametrize("kind", REGISTERED)
 def test_list_shows_every_registered_id_and_fits_the_terminal(kind, monkeypatch):
-    assert not {*REGISTERED[kind]} - {*re.findall(r"[\w.-]+", call("list", kind)[1])}
+    assert not {*REGISTERED[kind]} - {*re.findall(r"[\w.-]+", call("list", kind, "--all")[1])}
     rows = strict(call("list", kind, "--json")[1])
     heads = []
     for columns in (60, 200):
         monkeypatch.setenv("COLUMNS", str(columns))
-        lines = call("list", kind)[1].splitlines()
+        lines = call("list", kind, "--all")[1].splitlines()
         assert max(map(len, lines)) <= columns
         assert {r[kind[:-1]] for r in rows} <= {line.split()[0] for line in lines[2:]}
         heads.append(len(lines[1].split()))
     assert 2 <= heads[0] < heads[1]
+
+
+def test_list_of_methods_shows_those_that_win_and_the_usual_ones_the_best_first():
+    ids = {m.id for m in METHODS}
+    shown = [line.split()[:2] for line in call("list", "methods")[1].splitlines()[2:] if line.split()[0] in ids]
+    wins = [int(number) for _, number in shown]
+    assert {"stormer-verlet", "scheme-v", "rk4"} <= {name for name, _ in shown}
+    assert len(shown) == 30 < len(METHODS)
+    assert wins == sorted(wins, reverse=True)
+    every = {r["method"]: r["wins"] for r in strict(call("list", "methods", "--json")[1])}
+    assert list(every) == [m.id for m in METHODS]
+    assert max(every.values()) == wins[0] > 0
 
 
 @pytest.mark.parametrize(

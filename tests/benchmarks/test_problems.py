@@ -14,12 +14,15 @@ import numpy as np
 import pytest
 import sympy as sp
 from mpmath import mpf
+from scipy.integrate import solve_ivp
 
 from phasebench.benchmarks.measure.every_problem import SMALL
 from phasebench.benchmarks.measure.multiprecision import retraction
 from phasebench.benchmarks.problems import (
     PROBLEMS,
+    butane,
     duffing,
+    four_points,
     klein_gordon,
     lennard_jones,
     nls,
@@ -223,6 +226,124 @@ def vanish(system, expressions):
     with mpmath.workdps(40):
         draws = [[mpf(int(x)) / 1000 for x in rng.integers(200, 900, 2 * system.d)] for _ in range(4)]
         return all(abs(v) < mpf(10) ** -30 for y in draws for v in f(y))
+
+
+def test_double_pendulum_mechanics():
+    """H is the energy of two masses on rods, in Cartesian coordinates."""
+    values = {"m1": 1.5, "m2": 0.75, "l1": 1.25, "l2": 0.5, "g": 9.75}
+    s = problem("double-pendulum", **values).system
+    m1, m2, l1, l2, g = map(sp.Rational, values.values())
+    (a, b), (da, db) = s.q, s.dq
+    x, y = sp.Matrix([l1 * sp.sin(a), l1 * sp.sin(a) + l2 * sp.sin(b)]), -sp.Matrix([l1 * sp.cos(a), l1 * sp.cos(a)])
+    y[1] -= l2 * sp.cos(b)
+    speeds = [[z[i].diff(a) * da + z[i].diff(b) * db for z in (x, y)] for i in (0, 1)]
+    kinetic = sum(m * (u**2 + v**2) / 2 for m, (u, v) in zip((m1, m2), speeds, strict=True))
+    potential = g * (m1 * y[0] + m2 * y[1])
+    assert vanish(s, [kinetic + potential - s.H])
+    assert not vanish(s, [kinetic - potential - s.H])
+
+
+def test_quadrupole_boson_has_the_force_of_its_benchmark():
+    """As SciMLBenchmarks writes it."""
+    made = problem("quadrupole-boson")
+    s = made.system
+    A, B, D = map(sp.Rational, made.parameters.values())
+    (x, y), r2 = s.q, sum(z**2 for z in s.q)
+    force = (-A * x - 3 * B / sp.sqrt(2) * (y**2 - x**2) - D * x * r2, -y * (A + 3 * sp.sqrt(2) * B * x + D * r2))
+    assert all(sp.expand(a - b) == 0 for a, b in zip(force, s.dp, strict=True))
+
+
+def test_rigid_body_has_eulers_equations():
+    made = problem("rigid-body", I1=1.5, I2=0.75, I3=2.5, G=1.25)
+    s = made.system
+    moments = [sp.Rational(x) for x in (1.5, 0.75, 2.5)]
+    across = sp.sqrt(sp.Rational(1.25) ** 2 - s.p[0] ** 2)
+    m = sp.Matrix([across * sp.sin(s.q[0]), across * sp.cos(s.q[0]), s.p[0]])
+    right = m.cross(sp.Matrix([a / b for a, b in zip(m, moments, strict=True)]))
+    assert vanish(s, [rate(s, a) - b for a, b in zip(m, right, strict=True)])
+    assert not vanish(s, [rate(s, a) + b for a, b in zip(m, right, strict=True)])
+
+
+def test_charged_particle_obeys_the_lorentz_force():
+    """He, Sun, Liu & Qin 2015, section 4.1: B = R, E = phi0 q / R^3, q = (0, -1), v = (0.1, 0.01)."""
+    made = problem("charged-particle")
+    s = made.system
+    (x, y), (u, v) = s.q, s.dq
+    R = sp.sqrt(x**2 + y**2)
+    E = [sp.Rational(made.parameters["phi0"]) * z / R**3 for z in s.q]
+    assert vanish(s, [rate(s, u) - R * v - E[0], rate(s, v) + R * u - E[1]])
+    assert not vanish(s, [rate(s, u) + R * v - E[0], rate(s, v) - R * u - E[1]])
+    velocity = [float(s.observe(e, [made.q0], [made.p0])[0]) for e in s.dq]
+    assert velocity == pytest.approx([0.1, 0.01], abs=1e-16)
+
+
+def test_magnetic_mirror_obeys_the_lorentz_force():
+    """v' = v x B with B = (-x z / L^2, -y z / L^2, 1 + z^2 / L^2); and the start."""
+    s = problem("magnetic-mirror").system
+    (x, y, z), v = s.q, sp.Matrix(s.dq)
+    B = sp.Matrix([-x * z, -y * z, 100 + z**2]) / 100
+    force = v.cross(B)
+    assert vanish(s, [rate(s, a) - f for a, f in zip(v, force, strict=True)])
+    assert not vanish(s, [rate(s, a) + f for a, f in zip(v, force, strict=True)])
+    made = problem("magnetic-mirror")
+    assert [float(s.observe(e, [made.q0], [made.p0])[0]) for e in s.dq] == pytest.approx([0, 0.3, 0.2], abs=1e-16)
+
+
+def test_spherical_pendulum_is_that_of_its_angles():
+    """The certified state beside an integration in spherical angles, by SciPy."""
+    made = problem("spherical-pendulum")
+    ((q, p),) = at(made, 10.0)
+    (x, y, z), (u, v, w) = made.q0, made.p0
+    L = x * v - y * u
+
+    def field(_, s):  # theta from the downward vertical, its rate, phi
+        return [s[1], L**2 * np.cos(s[0]) / np.sin(s[0]) ** 3 - np.sin(s[0]), L / np.sin(s[0]) ** 2]
+
+    start = [np.arccos(-z), w / np.sin(np.arccos(-z)), np.arctan2(y, x)]
+    theta, pace, phi = solve_ivp(field, (0, 10), start, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    expected = [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), -np.cos(theta)]
+    assert np.abs(expected - np.array(q)).max() < 1e-10
+    assert abs(pace * np.sin(theta) - p[2]) < 1e-10
+
+
+def test_four_points_move_as_euler_s_equations_have_it():
+    """The certified state beside Euler's equations in the body's frame and the rotation matrix, by SciPy."""
+    made = problem("four-points")
+    ((q, p),) = at(made, 10.0)
+    masses = np.array([made.parameters[f"m{k}"] for k in range(1, 5)])[:, None]
+    points, turn = np.array(four_points.POINTS, dtype=float), np.array(four_points.TURN)
+    middle = (masses * points).sum(axis=0) / masses.sum()
+    arms = points - middle
+    inertia = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses[:, 0], arms, strict=True))
+
+    def field(_, s):  # the rotation matrix, the angular velocity in the body's frame
+        R, w = s[:9].reshape(3, 3), s[9:]
+        hat = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+        return np.concatenate([(R @ hat).ravel(), np.linalg.solve(inertia, np.cross(inertia @ w, w))])
+
+    end = solve_ivp(field, (0, 10), [*np.eye(3).ravel(), *turn], "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    R, w = end[:9].reshape(3, 3), end[9:]
+    assert np.abs((middle + arms @ R.T).ravel() - q).max() < 1e-10
+    assert np.abs((masses * (np.cross(w, arms) @ R.T)).ravel() - p).max() < 1e-10
+    assert np.abs(np.array(q) - points.ravel()).max() > 0.1
+
+
+def test_butane_keeps_bonds_and_angles_and_has_the_torsion_s_energy():
+    for phi in (0.0, np.pi / 3, np.pi):
+        turned = problem("butane", phi=phi)
+        value = sum(float(a) * np.cos(phi) ** k for k, a in enumerate(butane.TORSION))
+        assert turned.system.energies(np.array([turned.q0]), np.zeros((1, 12)))[0] == pytest.approx(value, abs=1e-12)
+    assert abs(sum(butane.TORSION)) < 1e-12, "trans is the valley"
+    molecule = problem("butane")
+    s = integrate(molecule, "rattle", h=0.02, steps=200)
+    assert s.status == "ok"
+    r = s.q.reshape(-1, 4, 3)
+    for k, square in ((1, 1.0), (2, 8 / 3)):
+        assert np.abs(((r[:, k:] - r[:, :-k]) ** 2).sum(axis=2) - square).max() < 1e-14
+    for name in (f"angular-momentum-{k}" for k in (1, 2, 3)):
+        assert np.abs(s.invariants()[name] - s.invariants()[name][0]).max() < 1e-13
+    half = integrate(molecule, "rattle", h=0.01, steps=400)
+    assert 3.5 < np.ptp(s.energy()) / np.ptp(half.energy()) < 4.5
 
 
 @pytest.mark.parametrize(("orbit", "alpha"), [("both-wells", -1.0), ("one-well", 1.5)])
