@@ -152,7 +152,7 @@ def list_(
     ] = None,
     problem: Annotated[str | None, options.problem_option("Its scenes.")] = None,
     every: Annotated[
-        bool, typer.Option("--all", help=f"All methods, not the {SHOWN} that win most or are usual; --json has all.")
+        bool, options.everything(f"Else the {SHOWN} methods that win most or are usual; --json has all.")
     ] = False,
     as_json: options.Json = False,
 ) -> None:

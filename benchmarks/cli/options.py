@@ -62,6 +62,7 @@ time_limit = _option("--time-limit", "SECONDS", TIME_LIMIT_HELP)
 quantity = _option(
     "--quantity", "NAME", "Whose error: end-state, trajectory, energy, or a quantity that the problem names."
 )
+everything = _option("--all", None, "Nothing is left out.")
 quick = _option("--quick", None, "Measure a small selection.")
 jobs = _option("--jobs", "NUMBER", "Number of parallel processes.", min=0)
 requires = _option("--requires", "TRAIT", "A trait of systems, such as separable.")

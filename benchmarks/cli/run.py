@@ -27,9 +27,7 @@ def run(
         typer.Option(metavar="NAME", help="A scene of `list scenes`; repeat it."),
     ] = [],  # noqa: B006
     method: options.Methods = [],  # noqa: B006
-    everything: Annotated[
-        bool, typer.Option("--all", help="Measure all scenes and methods, if none is named.")
-    ] = False,
+    everything: Annotated[bool, options.everything("All scenes and methods are measured, if none is named.")] = False,
     quick: Annotated[bool, options.quick("Fewer steps.")] = False,
     jobs: Annotated[int, options.jobs("Each measures a scene; 0: all are measured in this one.")] = 0,
     scheduler: Annotated[
