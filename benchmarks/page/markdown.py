@@ -105,7 +105,7 @@ def verdicts_table(found: Sequence[Verdict]) -> str:
 def _meaning(verdicts: Sequence[Verdict]) -> str:
     """What the outcomes in a table of verdicts mean."""
     there = [name for name in MEANING if name == PASS or any(v.outcome == name for v in verdicts)]
-    return "; ".join(f"*{name}*: {MEANING[name]}" for name in there) + "."
+    return "; ".join(f"{name}: {MEANING[name]}" for name in there) + "."
 
 
 def document(
