@@ -49,7 +49,6 @@ BLIND = 1e-2
 #: Round-off of a sum, in units of eps times its terms.
 ROUNDED = 8.0
 CLAIMS = ("symplectic", "volume", "reversible", "invariants", "fixed_points")
-WRITE = "write def map(q, p): ... return q, p"
 
 
 @dataclass(frozen=True)
@@ -76,12 +75,15 @@ class OneMap:
         """The state after the map, array (2 d,); raises InvalidInput if that is not two arrays (d,) of numbers."""
         return self.apply(self.f, y)
 
+    def call(self, f: Callable, q: np.ndarray, p: np.ndarray) -> Any:
+        """What ``f`` returns, the map or the involution; what it raises names its line, what it prints is no result."""
+        with user_file.users_code(user_file.file_and_object(self.id)[0], "its map"), np.errstate(all="ignore"):
+            return f(q, p)
+
     def apply(self, f: Callable, y: np.ndarray) -> np.ndarray:
         """The state after ``f``, which is the map or the involution."""
         d = len(y) // 2
-        q, p = y[:d].copy(), y[d:].copy()
-        with user_file.users_code(self.id.partition(".py:")[0], "its map"), np.errstate(all="ignore"):
-            pair = f(q, p)
+        pair = self.call(f, y[:d].copy(), y[d:].copy())
         try:
             q, p = (np.array(x, dtype=float) for x in pair)
         except (TypeError, ValueError):
@@ -147,7 +149,6 @@ def certify_map(
     """As `validate_map`, with the claims as name -> value, added to those of the file."""
     began = time.perf_counter()
     one = _read(target, claims, d, states, seed)
-    one = replace(one, eps=_round_off(one))
     rows: dict[str, list[dict]] = {}
     found = [_runs(one, rows)]
     if found[0].verdict == HOLDS:
@@ -179,7 +180,7 @@ def _read(target: Any, claims: Mapping[str, Any], d: int | None, states: Any, se
         holder = user_file.load(file, "map")
         f = getattr(holder, dotted or "map", None)
         if not callable(f):
-            raise InvalidInput(f"{file} has no function '{dotted or 'map'}'; {WRITE}")
+            raise InvalidInput(f"{file} has no function '{dotted or 'map'}'; write def map(q, p): ... return q, p")
     stated = getattr(holder, "CLAIMS", {})
     if not isinstance(stated, Mapping):
         raise InvalidInput(f"{name}: CLAIMS is {stated!r}; write {{'symplectic': True}}")
@@ -202,7 +203,8 @@ def _read(target: Any, claims: Mapping[str, Any], d: int | None, states: Any, se
     for claim, value in claims.items():
         _check(name, claim, value)
     reverse = reverse if callable(reverse) else lambda q, p: (q, -p)
-    return OneMap(name, f, places, claims, reverse)
+    one = OneMap(name, f, places, claims, reverse)
+    return replace(one, eps=_round_off(one))
 
 
 def _dimension(claims: Mapping[str, Any]) -> int | None:
@@ -324,11 +326,9 @@ def _differences(one: OneMap, y: np.ndarray, size: float, rows: dict[str, list[d
 
 
 def _runs(one: OneMap, rows: dict[str, list[dict]]) -> Judgement:
-    bad = []
-    for k, y in enumerate(one.states):
-        status = "ok" if np.isfinite(one(y)).all() else "diverged"
-        rows.setdefault("runs", []).append({"on": _label(k), "status": status})
-        bad += [_label(k)] if status != "ok" else []
+    good = [bool(np.isfinite(one(y)).all()) for y in one.states]
+    rows["runs"] = [{"on": _label(k), "status": "ok" if x else "diverged"} for k, x in enumerate(good)]
+    bad = [_label(k) for k, x in enumerate(good) if not x]
     why = f"it has no finite value at {', '.join(bad)}: say STATES, at which it has" if bad else ""
     verdict = CONTRADICTED if bad else HOLDS
     return Judgement(verdict, "diverged" if bad else "ok", None, tuple(bad), why, "runs", "it runs")
@@ -338,9 +338,8 @@ def _stateless(one: OneMap) -> Judgement:
     first = [one(y) for y in one.states]
     apart = max(float(np.abs(one(y) - a).max()) for y, a in zip(one.states[::-1], first[::-1], strict=True))
     why = f"equal calls differ by {apart:.1e}" if apart else "equal in every bit"
-    return Judgement(
-        CONTRADICTED if apart > NEARLY else HOLDS, apart, None, (), why, "stateless", "equal calls, equal results"
-    )
+    verdict = CONTRADICTED if apart > NEARLY else HOLDS
+    return Judgement(verdict, apart, None, (), why, "stateless", "equal calls, equal results")
 
 
 def _pure(one: OneMap) -> Judgement:
@@ -348,8 +347,7 @@ def _pure(one: OneMap) -> Judgement:
     why, last = "", None
     for y in one.states:
         q, p = y[:d].copy(), y[d:].copy()
-        with np.errstate(all="ignore"):
-            new = one.f(q, p)
+        new = one.call(one.f, q, p)
         if not (np.array_equal(q, y[:d]) and np.array_equal(p, y[d:])):
             why = "it changes its q or p: write q = q + ..., not q += ..."
         if last is not None and not all(np.array_equal(a, b) for a, b in zip(*last, strict=True)):

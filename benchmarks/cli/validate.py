@@ -60,7 +60,6 @@ def validate(
     """Measure an integrator of your own and judge what it claims; exit code 0 only for pass."""
     with invalid_input(), compilation_shown(not as_json):
         from phasebench.benchmarks.certificate.certificate import certify
-        from phasebench.benchmarks.certificate.maps import certify_map
 
         claims = stated(claim)
         if as_map and (requires or problem or time_limit is not None):
@@ -72,6 +71,8 @@ def validate(
 
             writable(output)
         if as_map:
+            from phasebench.benchmarks.certificate.maps import certify_map
+
             found = certify_map(integrator, claims, seed=seed)
         else:
             with telling("validate") as tell:

@@ -28,6 +28,7 @@ from phasebench.integrators.keywords import Parameters, State, States, method_pa
 
 from .integrator import AnyProblem, Integrator, integrate, integrator, parameters_of
 from .lyapunov import tangent_maps
+from .metrics import CONFIDENCE
 from .tabular import TabularResult
 
 if TYPE_CHECKING:
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
     from phasebench.integrators.record import Method
     from phasebench.reference.peers import Peer
 
-#: The share of the time in which the tangent vector turns; blocks of the rest; Student's t for 95 % and their number.
-TURNING, BLOCKS, STUDENT = 0.1, 20, 2.093
+#: The share of the time in which the tangent vector turns, and the number of blocks of the rest.
+TURNING, BLOCKS = 0.1, 20
 #: The fewest rows from which an exponent is told, and rows whose tangent maps are in memory at once.
 FEWEST, AT_ONCE = 200, 4096
 
@@ -128,6 +129,8 @@ def _pairs(q0: Any, p0: Any) -> list[tuple[Any, Any]]:
 
 def _of_orbit(system: Any, s: Any) -> tuple[float, float, float, float, float, str]:
     """(Exponent, low, high, MEGNO, time, status) of a solution."""
+    from scipy.special import stdtrit
+
     span = float(s.t[-1] - s.t[0])
     if s.status != OK:
         return (*4 * (float("nan"),), span, s.status)
@@ -140,7 +143,7 @@ def _of_orbit(system: Any, s: Any) -> tuple[float, float, float, float, float, s
     edges = np.linspace(first, len(grown), BLOCKS + 1).astype(int)
     means = np.diff(total[edges]) / np.diff(t[edges])
     exponent = (total[-1] - total[first]) / (t[-1] - t[first])
-    half = STUDENT * float(np.std(means, ddof=1)) / np.sqrt(BLOCKS)
+    half = float(stdtrit(BLOCKS - 1, 0.5 + CONFIDENCE / 2)) * float(np.std(means, ddof=1)) / np.sqrt(BLOCKS)
     Y = 2 * np.cumsum(grown * (t[1:] + t[:-1]) / 2) / t[1:]
     megno = float(np.sum(Y * np.diff(t)) / t[-1])
     return float(exponent), float(exponent - half), float(exponent + half), megno, span, s.status

@@ -175,6 +175,18 @@ def test_bad_files(tmp_path, text, named):
         pb.validate_map(file, symplectic=True)
 
 
+def test_what_a_map_prints_is_no_part_of_the_result_and_what_it_raises_names_its_line(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "def map(q, p):\n    print('turn')\n    return q, p\n\n\ndef other(q, p):\n    return q / None, p\n"
+    )
+    done = call("validate", "--map", file, "--claim", "symplectic", "--json")
+    assert (done.exit_code, strict(done.stdout)["verdict"]) == (0, "pass")
+    assert "turn" in done.stderr, "the control"
+    with pytest.raises(pb.InvalidInput, match="line 7: TypeError"):
+        pb.validate_map(f"{file}:other", symplectic=True)
+
+
 def test_a_map_is_found_by_its_module(tmp_path, monkeypatch):
     (tmp_path / "rings.py").write_text(STANDARD)
     monkeypatch.chdir(tmp_path)
