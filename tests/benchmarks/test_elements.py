@@ -84,6 +84,8 @@ def test_at_the_time_of_transit_a_body_is_nearest_on_the_line_of_sight():
     assert z > 0
     assert abs(x * vx + y * vy) < 2e-3 * np.hypot(x, y) * np.hypot(vx, vy) + 1e-3, "across the sky, to the tilt"
     assert np.hypot(x, y) < 0.02 * z
+    moved = (at(1e-4) - at(-1e-4))[:3] / 2e-4
+    assert np.abs(moved - at(0.0)[3:]).max() < 1e-6, "later times are later on the orbit"
     assert np.hypot(*at(3.7 + 3.0)[:2]) > 0.5 * float(mpmath.cbrt(mu / n**2)), "the control"
 
 
