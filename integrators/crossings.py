@@ -1,12 +1,13 @@
-r"""Find where orbits cross a plane :math:`x = c` of one coordinate or momentum, and store the points.
+r"""Find where orbits cross a surface :math:`x = c`, and store the points.
 
-Between two rows (stored states) of an orbit on different sides of the plane, the flow itself is integrated to the
-plane, with x as the independent variable in the place of time (Henon 1982):
+x is a coordinate or momentum (the surface is a plane), or any function of these.  Between two rows (stored states) of
+an orbit on different sides of the surface, the flow itself is integrated to it, with x as the independent variable in
+the place of time (Henon 1982):
 
 .. math::
     \frac{\mathrm dy}{\mathrm dx} = \frac{f(y)}{f_x(y)},\qquad \frac{\mathrm dt}{\mathrm dx} = \frac1{f_x(y)},
 
-from the row that is nearer, by one step of the method of order 8 of DOP853.  The point is on the plane to the last bit,
+from the row that is nearer, by one step of the method of order 8 of DOP853.  The point is on a plane to the last bit,
 and as exact as the rows as long as these are close.
 
 Source: M. Henon, On the numerical computation of Poincare maps, Physica D 5 (1982) 412-414; the method as in
@@ -26,6 +27,8 @@ from numba import types
 from .coefficients import dop853
 from .coefficients.dop853 import STAGES
 from .compile import codegen, machine, progress
+from .compile.lazy import sympy as sp
+from .families.magnetic import dot
 from .families.runge_kutta import total
 from .stepping.kernel import _type, entry, value
 from .values.vector import jit, join, load, plus, scale, store
@@ -41,6 +44,7 @@ GROWTH, SHARE = 1 << 14, 32
 @jit
 def _carry(
     field: Function,
+    slope: Function | None,
     q: Value,
     p: Value,
     t: float,
@@ -50,24 +54,40 @@ def _carry(
     slopes: np.ndarray,
     zero: Value,
 ) -> tuple[Value, Value, float]:
-    """Carry (q, p, t) along the flow until component k of (q, p) has changed by dx, by one step of order 8.
+    """Carry (q, p, t) along the flow until x has changed by dx, by one step of order 8.
 
+    x is component k of (q, p), or the function whose derivatives ``slope(q, p, 0, 0)`` returns.
     ``field(q, p, 0, 0)`` returns (q', p').  ``tableau`` has the rows of A, then b, of the Runge-Kutta method,
     ``slopes`` is memory for its stages, and ``zero`` a vector of d zeros.  Returns the new (q, p, t).
     """
     d = len(zero)
     for i in range(STAGES):
         dq, dp = total(tableau, i, dx, slopes, zero)
-        dq, dp = field(plus(q, dq), plus(p, dp), 0.0, 0.0)
-        rate = 1.0 / (dq[k] if k < d else dp[k - d])  # dt/dx
+        y, v = plus(q, dq), plus(p, dp)
+        dq, dp = field(y, v, 0.0, 0.0)
+        if slope is None:
+            rate = 1.0 / (dq[k] if k < d else dp[k - d])  # dt/dx
+        else:
+            of_q, of_p = slope(y, v, 0.0, 0.0)
+            rate = 1.0 / (dot(of_q, dq) + dot(of_p, dp))
         store(slopes, i, scale(rate, join(dq, dp)))
         t = t + dx * tableau[STAGES, i] * rate
     dq, dp = total(tableau, STAGES, dx, slopes, zero)
     return plus(q, dq), plus(p, dp), t
 
 
+@jit
+def _take(q: np.ndarray, p: np.ndarray, last: np.ndarray, b: int, i: int, j: int, work: np.ndarray) -> None:
+    """Write q and p of row i of an orbit, or of the row in ``last`` if i is -1, to the two rows of ``work``."""
+    for a in range(q.shape[2]):
+        work[0, a] = q[b, i, a, j] if i >= 0 else last[0, b, a, j]
+        work[1, a] = p[b, i, a, j] if i >= 0 else last[1, b, a, j]
+
+
 def _find(
     field: Function,
+    level: Function | None,
+    slope: Function | None,
     q: np.ndarray,
     p: np.ndarray,
     last: np.ndarray,
@@ -83,14 +103,16 @@ def _find(
     tableau: np.ndarray,
     zero: Value,
 ) -> int:
-    """Find the crossings of a plane by orbits between their rows, write them to ``points``; return their number.
+    """Find the crossings of a surface by orbits between their rows, write them to ``points``; return their number.
 
     q, p are rows (blocks of orbits, rows, d, lanes), each ``every`` steps after the one before.  ``last``, of shape (2,
     blocks, d, lanes), holds q and p of the row before these, the state after ``begin`` of the run's ``steps`` steps; it
     is overwritten by the last of these rows, for the next call.  ``plane`` (1, 3) has the index of the component in (q,
-    p), its value on the plane and the sign of a crossing (1: rising, -1: falling); ``h`` (blocks, lanes) has the step
-    of each orbit.  A row of ``points`` becomes (t, q, p), and the same row of ``owners`` the number of the orbit, block
-    times lanes plus lane.  ``field(q, p, 0, 0)`` returns (q', p').
+    p), the value on the surface and the sign of a crossing (1: rising, -1: falling, 0: either); ``h`` (blocks, lanes)
+    has the step of each orbit.  A row of ``points`` becomes (t, q, p), and the same row of ``owners`` the number of the
+    orbit, block times lanes plus lane.  ``field(q, p, 0, 0)`` returns (q', p'); if the surface is no plane of a
+    component, ``level(q, p)`` returns (its function, 0) and ``slope(q, p, 0, 0)`` the derivatives with respect to q and
+    p.
 
     ``work`` (2, d) and ``slopes`` (STAGES + 1, 2 d) are work arrays; ``tableau`` has the rows of A, then b, of a
     Runge-Kutta method; ``zero`` is a vector of d zeros.
@@ -102,27 +124,34 @@ def _find(
     found = 0
     for b in range(blocks):
         for i in range(rows):
-            many = 0
-            if i > 0:
+            if level is None and i > 0:
+                many = 0
                 for j in range(lanes):
-                    many += (sign * (x[b, i - 1, c, j] - at) < 0) & (sign * (x[b, i, c, j] - at) >= 0)
+                    before, after = x[b, i - 1, c, j] - at, x[b, i, c, j] - at
+                    many += ((before < 0) & (after >= 0) & (sign >= 0)) | ((before > 0) & (after <= 0) & (sign <= 0))
                 if many == 0:
                     continue
             for j in range(lanes):
-                before = (x[b, i - 1, c, j] if i > 0 else last[side, b, c, j]) - at
-                after = x[b, i, c, j] - at
-                if not (sign * before < 0 and sign * after >= 0):
+                if level is None:
+                    before = (x[b, i - 1, c, j] if i > 0 else last[side, b, c, j]) - at
+                    after = x[b, i, c, j] - at
+                else:
+                    _take(q, p, last, b, i - 1, j, work)
+                    before = level(load(work, 0, zero), load(work, 1, zero))[0] - at
+                    _take(q, p, last, b, i, j, work)
+                    after = level(load(work, 0, zero), load(work, 1, zero))[0] - at
+                rises, falls = before < 0 and after >= 0, before > 0 and after <= 0
+                if not ((rises and sign >= 0) or (falls and sign <= 0)):
                     continue
-                nearer = i if abs(after) < abs(before) else i - 1
-                for a in range(d):
-                    work[0, a] = q[b, nearer, a, j] if nearer >= 0 else last[0, b, a, j]
-                    work[1, a] = p[b, nearer, a, j] if nearer >= 0 else last[1, b, a, j]
+                nearer, apart = (i, after) if abs(after) < abs(before) else (i - 1, before)
+                _take(q, p, last, b, nearer, j, work)
                 t = h[b, j] * min(begin + (nearer + 1) * every, steps)
                 y, v = load(work, 0, zero), load(work, 1, zero)
-                y, v, t = _carry(field, y, v, t, k, at - work[side, c], tableau, slopes, zero)
+                y, v, t = _carry(field, slope, y, v, t, k, -apart, tableau, slopes, zero)
                 store(work, 0, y)
                 store(work, 1, v)
-                work[side, c] = at
+                if level is None:
+                    work[side, c] = at
                 good = np.isfinite(t)
                 for a in range(d):
                     good = good and np.isfinite(work[0, a]) and np.isfinite(work[1, a])
@@ -166,18 +195,29 @@ def _tableau() -> np.ndarray:
     return np.array(dop853.tableau(), float)
 
 
-def finder(system: PartitionedSystem) -> Callable:
-    """Return the search for crossings, `_find`, compiled for a system.
+def _surface(system: PartitionedSystem, x: sp.Expr | None) -> tuple[Function | None, Function | None]:
+    """The functions ``level`` and ``slope`` of `_find` for a function x of the variables; None for a component."""
+    if x is None:
+        return None, None
+    T, kind = codegen.value_type(system.d), sp.srepr(x)
+    given, numbers = [("q", system.q), ("p", system.p)], types.UniTuple(types.float64, 2)(*2 * (T,))
+    level = system.make_function(f"level {kind}", given, lambda: [x, sp.Integer(0)], numbers, codegen.DOUBLE)
+    slopes = [[sp.diff(x, v) for v in variables] for variables in (system.q, system.p)]
+    return level, system.field_like(f"slope {kind}", lambda: slopes, codegen.DOUBLE)
+
+
+def finder(system: PartitionedSystem, x: sp.Expr | None = None) -> Callable:
+    """Return the search for crossings, `_find`, compiled for a system; x is a function of its variables, or None.
 
     The function takes the arguments of `_find` from q to slopes, and returns the number of crossings found.
     """
-    field, d = system.field(), system.d
+    functions, d = (system.field(), *_surface(system, x)), system.d
     zero, tableau = value(np.zeros(d), d), _tableau()
     if not codegen.compiled():
-        return lambda *arguments: _find(field, *arguments, tableau, zero)
+        return lambda *arguments: _find(*functions, *arguments, tableau, zero)
     T, whole = codegen.value_type(d), types.int64
     signature = whole(
-        *(_type(field), _BLOCKS, _BLOCKS, _BLOCKS, _NUMBERS, whole, whole, whole),
+        *(*map(_type, functions), _BLOCKS, _BLOCKS, _BLOCKS, _NUMBERS, whole, whole, whole),
         *(_NUMBERS, _NUMBERS, _WHOLE, _NUMBERS, _NUMBERS, _NUMBERS, T),
     )
     if signature not in _compiled:
@@ -185,7 +225,7 @@ def finder(system: PartitionedSystem) -> Callable:
         with progress.compiling("the search of crossings", d):
             _compiled[signature] = entry(machine.load_or_compile(_find, signature, options, "crossings"))
     call = _compiled[signature]
-    return lambda *arguments: call(field, *arguments, tableau, zero)
+    return lambda *arguments: call(*functions, *arguments, tableau, zero)
 
 
 def sorter() -> Callable:

@@ -1,4 +1,4 @@
-"""Poincare sections of ensembles: where orbits cross a plane of one coordinate or momentum (`crossings` finds them).
+"""Poincare sections of ensembles: where orbits cross a surface, mostly of one coordinate (`crossings` finds them).
 
 Rows (states at steps) are searched as they are computed, and not stored: memory holds the points of the section, and a
 few rows of every orbit, by which its energy is judged.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,7 +49,9 @@ class Section:
     status, reason : arrays (n,) of text, how each orbit ended; crossings before its end are included
     seconds : time of the integration and of the search, without compilation
     names : the names of the d coordinates, then of the d momenta
-    component, at : the index in ``names`` of the coordinate or momentum that defines the plane, and its value there
+    component, at : the index in ``names`` of the coordinate or momentum that defines the plane, -1 for a formula; and
+        its value there
+    of : that coordinate or momentum, or the formula
     """
 
     orbit: NDArray[np.intp]
@@ -62,6 +64,7 @@ class Section:
     names: tuple[str, ...] = ()
     component: int = 0
     at: float = 0.0
+    of: str = ""
 
     def __len__(self) -> int:
         return len(self.t)
@@ -73,7 +76,7 @@ class Section:
     def __repr__(self) -> str:
         """A few lines: the plane, the number of crossings, the statuses of the orbits."""
         counts = self.counts()
-        lines = [f"{type(self).__name__}: {len(self)} crossings of {self.names[self.component]} = {self.at:g}"]
+        lines = [f"{type(self).__name__}: {len(self)} crossings of {self.of} = {self.at:g}"]
         lines.append(f"  {len(self.status)} orbits, {int(counts.min())} to {int(counts.max())} crossings each")
         lines.append(f"  {ensemble.tally(self.status)}; {self.seconds:.3g} s")
         return "\n".join(lines)
@@ -86,16 +89,26 @@ class SectionOrbits(Orbits):
     Attributes
     ----------
     find : the compiled search, from `crossings.finder`
-    plane : array (1, 3): index of the component in (q, p), its value on the plane, 1 for rising or -1 for falling
+    of : the coordinate, momentum or formula that defines the surface
+    plane : array (1, 3): index of the component in (q, p), its value there, 1 for rising, -1 for falling, 0 for either
     crossings : the crossings found so far
     near : array (n,), True for orbits that came within a step of a singularity
     """
 
     find: Callable | None = None
+    of: str = ""
     plane: np.ndarray | None = None
     crossings: Crossings | None = None
     near: np.ndarray | None = None
     group = GROUP
+
+    def watch(self, of: str, at: float, rising: bool | None) -> None:
+        """Compile the search for crossings of a surface, and make room for them; raises InvalidInput."""
+        index, x = _watched(self.system, of)
+        self.of, self.find, self.crossings = of, finder(self.system, x), Crossings(self.system.d)
+        self.near = np.zeros(len(self.q), bool)
+        self.plane = np.array([[float(index), float(at), 0.0 if rising is None else 1.0 if rising else -1.0]])
+        sorter()  # compiles
 
     def max_steps(self, every: int, orbits: int) -> int:
         """Whole rows, as many as fit into the processor's cache."""
@@ -134,12 +147,16 @@ class SectionOrbits(Orbits):
 
     def enter(self, i: int, solution: Solution) -> None:
         """Search the rows of the ``solution`` of orbit i for crossings; store its status and counts."""
-        search = Search(self, np.array([i]), 1, solution.counts["steps"])
-        rows = max(1, ROOM // self.system.d)
-        for first in range(0, len(solution.q) - 1, rows):
-            q, p = (x[1:][first : first + rows] for x in (solution.q, solution.p))
-            search(first, q[None, :, :, None], p[None, :, :, None])
+        self.search_rows(i, solution.q, solution.p, solution.counts["steps"])
         self.conclude(i, solution)
+
+    def search_rows(self, i: int, q: np.ndarray, p: np.ndarray, steps: int) -> None:
+        """Search rows q, p, arrays (n, d), of orbit i for crossings; the first is its initial state."""
+        search = Search(self, np.array([i]), 1, steps)
+        rows = max(1, ROOM // self.system.d)
+        for first in range(0, len(q) - 1, rows):
+            some = (x[1:][first : first + rows][None, :, :, None] for x in (q, p))
+            search(first, *some)
 
     def forget(self, members: np.ndarray) -> None:
         """Remove the crossings of these orbits, before they are integrated again."""
@@ -175,7 +192,7 @@ class Search:
         ``first`` is the number of the first row, 0 for the one after the initial state.
         """
         blocks, rows, d, width = q.shape
-        most = blocks * width * (rows // 2 + 1)
+        most = blocks * width * (rows if self._orbits.plane[0, 2] == 0 else rows // 2 + 1)
         if len(self._points) < most:
             self._points, self._owners = np.empty((most, 2 * d + 1)), np.empty((most, 1), np.int64)
         orbits = self._orbits
@@ -193,12 +210,22 @@ def build_section(orbits: SectionOrbits, seconds: float) -> Section:
     points, numbers = orbits.crossings.sort_points(len(orbits.q))
     orbit = np.repeat(np.arange(len(numbers)), numbers)
     t, q, p = points[:, 0], points[:, 1 : 1 + d], points[:, 1 + d :]
-    component, at = int(orbits.plane[0, 0]), float(orbits.plane[0, 1])
+    names, of = ensemble.names(orbits.system), orbits.of
     spent = seconds + time.perf_counter() - began
     return Section(
         *(orbit, t, q, p, orbits.status, orbits.reason, spent),
-        *(ensemble.names(orbits.system), component, at),
+        *(names, names.index(of) if of in names else -1, float(orbits.plane[0, 1]), of),
     )
+
+
+def _watched(system: Any, of: str) -> tuple[int, Any]:
+    """(The index of a coordinate or momentum, None), or (0, the expression) for a formula ``of`` of these."""
+    names = [str(x) for x in (*getattr(system, "q", ()), *getattr(system, "p", ()))]
+    if of in names:
+        return names.index(of), None
+    if not names:
+        raise InvalidInput("the system has no named variables, of which a section could be told")
+    return 0, system._formula(of)
 
 
 def begin(
@@ -209,7 +236,7 @@ def begin(
     *,
     of: str,
     at: float = 0.0,
-    rising: bool = True,
+    rising: bool | None = True,
     every: int = 1,
     **run: Any,
 ) -> SectionOrbits:
@@ -218,18 +245,26 @@ def begin(
     Raises InvalidInput.
     """
     system = getattr(problem, "system", problem)
-    names = [str(x) for x in (*getattr(system, "q", ()), *getattr(system, "p", ()))]
-    if of not in names:
-        raise InvalidInput(f"there is no coordinate or momentum {of!r}; there are {', '.join(names)}")
+    _watched(system, of)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise InvalidInput(f"every is {every!r}; it must be a positive integer")
     asked = ensemble.request(problem, method, Q, P, save_every=every, **run)
     n, d = asked[1].shape
     orbits = SectionOrbits(*asked, 1 + int(np.clip(LOOKED // (2 * d * n), 1, LOOKS)))
-    orbits.find, orbits.crossings, orbits.near = finder(system), Crossings(d), np.zeros(n, bool)
-    orbits.plane = np.array([[float(names.index(of)), float(at), 1.0 if rising else -1.0]])
-    sorter()  # compiles
+    orbits.watch(of, at, rising)
     return ensemble.check_starts(orbits)
+
+
+def in_rows(solution: Solution, of: str, at: float = 0.0, rising: bool | None = None) -> Section:
+    """The crossings between the rows of a solution, which has one after every step; raises InvalidInput."""
+    q, p, n = solution.q, solution.p, len(solution.q) - 1
+    one = (np.array([x]) for x in (float(solution.h), n, 1))
+    orbits = SectionOrbits(solution.system, q[:1], p[:1], *one, [solution.method], np.zeros(1, int), 1)
+    orbits.watch(of, at, rising)
+    if n:
+        orbits.search_rows(0, q, p, n)
+    found = build_section(orbits, 0.0)
+    return replace(found, t=solution.t[0] + found.t)
 
 
 def section(
@@ -240,7 +275,7 @@ def section(
     *,
     of: str,
     at: float = 0.0,
-    rising: bool = True,
+    rising: bool | None = True,
     every: int = 1,
     h: float | State | None = None,
     t_end: float | None = None,
@@ -257,8 +292,9 @@ def section(
     problem : a system, or an object with ``system``
     method : an id or a method
     Q, P : arrays (n, d), the initial states; one that is not finite is "invalid", and the others go on
-    of, at : the coordinate or momentum by its name, such as "q1", and its value on the plane
-    rising : True to find crossings at which the coordinate rises, False for those at which it falls
+    of, at : the coordinate or momentum by its name, such as "q1", or a formula of these, such as "q1 - q2"; and its
+        value at a crossing
+    rising : True to find crossings at which it rises, False for those at which it falls, None for either
     every : search every Nth state; two crossings between two such states are missed
     h : number, or array (n,) with a step for each orbit
     t_end, steps : as in `integrate`

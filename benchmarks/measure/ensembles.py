@@ -132,7 +132,7 @@ def integrate_ensemble(
     """
     chosen = _method(method)
     orbits = ensemble.begin(_problem(problem), chosen, Q, P, h, t_end, steps, parameters, save_every)
-    return Ensemble(**_fields(ensemble.conclude(orbits, *_run(orbits, chosen, lanes, threads, progress))))
+    return Ensemble(**fields_of(ensemble.conclude(orbits, *_run(orbits, chosen, lanes, threads, progress))))
 
 
 @check_names
@@ -144,7 +144,7 @@ def section(
     *,
     of: str,
     at: float = 0.0,
-    rising: bool = True,
+    rising: bool | None = True,
     every: int = 1,
     h: float | State | None = None,
     t_end: float | None = None,
@@ -159,8 +159,9 @@ def section(
     Parameters
     ----------
     problem, method, Q, P : as in `integrate_ensemble`
-    of, at : the name of a coordinate or momentum, such as ``"q1"``, and its value on the plane
-    rising : True for crossings at which the coordinate rises, False for those at which it falls
+    of, at : the name of a coordinate or momentum, such as ``"q1"``, or a formula of these, such as ``"q1 - q2"``; and
+        its value at a crossing
+    rising : True for crossings at which it rises, False for those at which it falls, None for either
     every : test every Nth step for a crossing; two crossings between two tests are missed
     h : number, or array (n,) with a step for each orbit
     t_end, steps : as in `integrate`
@@ -187,10 +188,11 @@ def section(
         **{"of": of, "at": at, "rising": rising, "every": every},
         **{"h": h, "t_end": t_end, "steps": steps, "parameters": parameters},
     )
-    return Section(**_fields(sections.build_section(orbits, _run(orbits, chosen, lanes, threads, progress)[1])))
+    return Section(**fields_of(sections.build_section(orbits, _run(orbits, chosen, lanes, threads, progress)[1])))
 
 
-def _fields(found: Any) -> dict[str, Any]:
+def fields_of(found: Any) -> dict[str, Any]:
+    """The fields of a dataclass, name -> value."""
     return {f.name: getattr(found, f.name) for f in fields(found)}
 
 

@@ -61,7 +61,7 @@ def section(found: Section) -> Figure:
         colour = style.CURVES[k % len(style.CURVES)][0]
         axes.plot(found.q[mine, other], found.p[mine, other], ".", color=colour, markersize=2.5)
     axes.set(xlabel=names[other], ylabel=names[d + other])
-    axes.set_title(f"{len(found)} crossings of {names[found.component]} = {found.at:g} by {len(found.status)} orbits")
+    axes.set_title(f"{len(found)} crossings of {found.of} = {found.at:g} by {len(found.status)} orbits")
     return figure
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -249,6 +249,9 @@ def integrate(
     q0: State | None = None,
     p0: State | None = None,
     save_every: int = 1,
+    t_eval: Sequence[float] | np.ndarray | None = None,
+    events: Mapping[str, str] | None = None,
+    stop: str | Iterable[str] = (),
     time_limit: float | None = None,
     parameters: Parameters | None = None,
 ) -> Solution:
@@ -267,6 +270,10 @@ def integrate(
     t0 : the time at the start; the system does not depend on it
     q0, p0 : arrays (d,), the initial state if not the problem's
     save_every : save every Nth state, and the last; 0 saves the first and the last
+    t_eval : array (m,), times at which to save states instead, each by a shorter step from the one before it
+    events : functions of the coordinates and momenta whose zeros are wanted, by name: ``{"turn": "x*px + y*py"}``; they
+        are found between steps (`section`), in ``events`` of the solution, whatever direction the sign changes in
+    stop : name or names of events; the solution ends at the first of them
     time_limit : seconds after which the integration stops with status "timeout"; a peer cannot be stopped
     parameters : values of the method's parameters, ``{"lam": "1/3"}``: numbers, NumPy scalars, fractions or text
 
@@ -291,9 +298,12 @@ def integrate(
     found = _problem(problem, chosen, q0)
     unit = getattr(found, "time_unit", "")
     times = {name: span(t, unit, name) for name, t in (("h", h), ("t_end", t_end), ("t0", t0))}
-    return Solution.of(
-        chosen.run(found, steps=steps, tol=tol, q0=q0, p0=p0, save_every=save_every, timeout=time_limit, **times)
-    )
+    run = {"steps": steps, "tol": tol, "q0": q0, "p0": p0, "save_every": save_every, "timeout": time_limit, **times}
+    if t_eval is None and not events and not stop:
+        return Solution.of(chosen.run(found, **run))
+    from . import rows
+
+    return rows.integrate(chosen, found, rows.Wanted.of(t_eval, events, stop), **run)
 
 
 @method_parameters(parameters_of)

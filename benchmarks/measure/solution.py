@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from math import nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from .ensembles import Section
 
 #: Rows that a notebook shows.
 HEAD = 6
@@ -47,11 +49,15 @@ def stability_hint(status: str, method: str) -> str:
     return where if status == UNSTABLE else ""
 
 
+@dataclass(frozen=True, repr=False)
 class Solution(solution.Solution):
     """The result of an integration: a trajectory (t, q, p) with its method, status and counts.
 
-    Attributes are those of `integrators.solution.Solution`.
+    Attributes are those of `integrators.solution.Solution`, and ``events``: name -> `Section`, where the function of
+    the state with that name vanishes.
     """
+
+    events: Mapping[str, Section] = field(default_factory=dict, compare=False)
 
     @classmethod
     def of(cls, found: solution.Solution) -> Solution:
