@@ -27,7 +27,7 @@ from .driver import INVALID, OK, Solution, integrate
 from .errors import InvalidInput
 from .record import Method
 from .registry import method as method_of
-from .request import LARGEST, grid, initial, spacing
+from .request import LARGEST, extended, grid, initial, spacing
 from .threads import map_slices
 
 if TYPE_CHECKING:
@@ -324,7 +324,7 @@ def request(
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):
         raise InvalidInput(f"the problem is {problem!r}; give a system, such as a Hamiltonian, or a problem")
-    q, p = _states("Q", Q, system.d), _states("P", P, system.d)
+    q, p = _states("Q", Q, system), _states("P", P, system)
     if len(q) != len(p):
         raise InvalidInput(f"Q has {len(q)} rows and P has {len(p)}; give a row of each for every orbit")
     n = len(q)
@@ -347,14 +347,17 @@ def _grids(h: float | State | None, t_end: float | None, steps: int | None, n: i
     return np.array([x for x, _ in grids])[which], np.array([k for _, k in grids])[which]
 
 
-def _states(name: str, rows: States, d: int) -> np.ndarray:
+def _states(name: str, rows: States, system: PartitionedSystem) -> np.ndarray:
+    d = system.d - system.driven
     try:
         if np.iscomplexobj(rows):
             raise TypeError
         out = np.array(rows, dtype=float)
     except (TypeError, ValueError):
         raise InvalidInput(f"{name} must be numbers, an array (n, {d}) with a row for each orbit") from None
-    if out.ndim != 2 or out.shape[1] != d or not len(out):
+    if out.ndim == 2:
+        out = extended(system, name, out)
+    if out.ndim != 2 or out.shape[1] != system.d or not len(out):
         raise InvalidInput(f"{name} has the shape {out.shape}; it must be (n, {d}), a row for each orbit")
     return out
 

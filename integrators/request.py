@@ -67,7 +67,7 @@ def request(
     """
     h, steps = grid(h, t_end, steps, t0)
     every = spacing(save_every, steps)
-    system, q, p = initial(problem, q0, p0, tangent=tangent)
+    system, q, p = initial(problem, q0, p0, tangent=tangent, t0=t0)
     rows = 1 + -(-steps // every)
     if rows * system.d > LARGEST:
         room = f"{rows:.3g} rows of d = {system.d} do not fit in memory"
@@ -158,18 +158,30 @@ def check_timeout(timeout: float | None) -> None:
         raise InvalidInput(f"timeout is {shown(timeout)}; it must be a positive number of seconds")
 
 
+def extended(system: PartitionedSystem, name: str, value: Any, t0: float = 0.0) -> Any:
+    """Append the time t0 to ``value``, q or p by its name's first letter, or 0 for p, if H depends on time.
+
+    ``value`` has one state or rows of states.  It is returned as it is where it has the time already.
+    """
+    if not system.driven or np.shape(value)[-1] != system.d - 1:
+        return value
+    last = np.full((*np.shape(value)[:-1], 1), t0 if name[0] in "qQ" else 0.0)
+    return np.append(value, last, axis=-1)
+
+
 def initial(
     problem: Any,
     q0: Sequence[Any] | np.ndarray | None = None,
     p0: Sequence[Any] | np.ndarray | None = None,
     exact: bool = False,
     tangent: bool = True,
+    t0: float = 0.0,
 ) -> tuple[PartitionedSystem, Any, Any]:
     """Return (system, q, p): a problem's system, and q0 and p0 or, where these are None, the problem's own.
 
-    q and p are arrays (d,) of doubles; if ``exact``, they are returned as they were given.  Raises InvalidInput if the
-    state does not fit the system, H is not finite there, or the state violates the system's constraints; with
-    ``tangent`` it must satisfy the hidden constraints, too.
+    q and p are arrays (d,) of doubles, with the time ``t0`` if H depends on it (`extended`); if ``exact``, they are
+    returned as they were given.  Raises InvalidInput if the state does not fit the system, H is not finite there, or
+    the state violates the system's constraints; with ``tangent`` it must satisfy the hidden constraints, too.
     """
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):
@@ -189,8 +201,10 @@ def initial(
                 raise InvalidInput(f"{name} is {value!r}; it must be numbers") from None
             if not np.isfinite(value).all():
                 raise InvalidInput(f"{name} is {value.tolist()}; every component must be finite")
+        value = extended(system, name, value, t0)
         if len(value) != system.d:
-            raise InvalidInput(f"{name} has {len(value)} components; the problem has d = {system.d}")
+            d = system.d - system.driven
+            raise InvalidInput(f"{name} has {len(value)} components; the problem has d = {d}")
         state.append(value)
     if not exact and system.has_energy:
         H = system.energies(state[0][None], state[1][None])[0]

@@ -118,7 +118,7 @@ def integrate(
     if as_json:
         print_json(result)
     else:
-        _print(result, begin)
+        _print(result, begin, "H + p_t" if chosen_problem.system.driven else "H")
     raise typer.Exit(0 if result["status"] == "ok" else WRONG)
 
 
@@ -189,6 +189,7 @@ def _integrated(
     if time_limit is not None and not integrator.stoppable:
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --time-limit")
     from phasebench.benchmarks.measure import every_step
+    from phasebench.benchmarks.measure.solution import Solution
 
     if wanted.quantity:
         from phasebench.benchmarks.measure.named_quantities import quantity
@@ -200,9 +201,10 @@ def _integrated(
     if solution.status == "ok":
         solution = replace(solution, seconds=every_step.seconds(problem, integrator, watched, tol=tol, **common))
     parameters = {k: str(v) for k, v in integrator.record.parameters.items()}
-    result = _result(problem, solution, watched.extremes, parameters if tol is None else {"tol": tol})
+    shown = Solution.of(solution)
+    result = _result(problem, shown, watched.extremes, parameters if tol is None else {"tol": tol})
     if wanted.output is not None:  # first, so that it is not lost where an error cannot be told
-        rows = trajectory.write(wanted.output, solution, 1 if integrator.stoppable else wanted.every)
+        rows = trajectory.write(wanted.output, shown, 1 if integrator.stoppable else wanted.every)
         result["output"] = {"file": str(wanted.output), "rows": rows}
     if solution.status == "ok" and (wanted.error or wanted.quantity):
         result |= _errors(problem, integrator, solution, wanted, tol, common)
@@ -234,8 +236,6 @@ def _errors(
 
 
 def _result(problem: Problem, solution: Solution, extremes: Extremes, parameters: dict[str, Any]) -> dict[str, Any]:
-    from phasebench.benchmarks.measure.solution import stability_hint
-
     def error(extreme: Extreme) -> dict[str, float | None]:
         return {"max": extreme.worst, "end": extreme.end}
 
@@ -252,7 +252,7 @@ def _result(problem: Problem, solution: Solution, extremes: Extremes, parameters
         "energy_error": energy,
         "invariants": {name: error(extreme) for name, extreme in extremes.invariants.items()},
         "status": solution.status,
-        "reason": "; ".join(filter(None, (solution.reason, stability_hint(solution.status, solution.method.id)))),
+        "reason": solution.reason,
         "counts": {k: int(solution.counts.get(k, 0)) for k in COUNTS},
         "seconds": solution.seconds,
         "relative_energy_error": {k: x / abs(start) if start and x is not None else None for k, x in energy.items()},
@@ -267,7 +267,7 @@ def shortened(state: list[float]) -> str:
     return f"{first}, ..., {last} ({len(state)} numbers; all with --json)"
 
 
-def _print(result: dict[str, Any], t0: float) -> None:
+def _print(result: dict[str, Any], t0: float, kept: str) -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -284,7 +284,7 @@ def _print(result: dict[str, Any], t0: float) -> None:
     table.add_row("time", f"t = {result['t']!r}, {result['steps']} {steps} {result['h']!r}")
     table.add_row("q", shortened(result["q"]))
     table.add_row("p", shortened(result["p"]))
-    energy = {"H - H0": result["energy_error"], "dH / |H0|": result["relative_energy_error"]}
+    energy = {f"{kept} - H0": result["energy_error"], "dH / |H0|": result["relative_energy_error"]}
     errors = {f"energy error, {of}": e for of, e in energy.items()}
     errors |= {f"{name} error": e for name, e in result["invariants"].items()}
     for name, e in errors.items():

@@ -92,11 +92,16 @@ class Truth(NamedTuple):
 
 
 def _end_state(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-    return np.concatenate([q[-1], p[-1]])
+    return np.concatenate([x[-1] for x in _states(problem, q, p)])
 
 
 def _trajectory(problem: Problem, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-    return np.concatenate([q[1:], p[1:]], axis=1).ravel()
+    return np.concatenate([x[1:] for x in _states(problem, q, p)], axis=1).ravel()
+
+
+def _states(problem: Problem, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The states without the time and its momentum, which are the last components if H depends on time."""
+    return (q[:, :-1], p[:, :-1]) if problem.system.driven else (q, p)
 
 
 def scale(problem: Problem) -> float:

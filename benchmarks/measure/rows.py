@@ -18,6 +18,7 @@ from .solution import Solution
 
 if TYPE_CHECKING:
     from phasebench.integrators.solution import Floats
+    from phasebench.integrators.solution import Solution as Rows
 
     from .integrator import Integrator
 
@@ -68,7 +69,7 @@ def integrate(
         _check_order(times, run["t0"], h * steps)
     more = {x: run[x] for x in ("q0", "p0", "t0", "timeout")} | {"tol": tol}
     for n in _lengths(steps, wanted.stop):
-        full = Solution.of(chosen.run(problem, h=h, steps=n, **more))
+        full = chosen.run(problem, h=h, steps=n, **more)
         events = {name: section.in_rows(full, of) for name, of in wanted.events.items()}
         first = min(
             (events[x] for x in wanted.stop if len(events[x])), key=lambda x: abs(x.t[0] - run["t0"]), default=None
@@ -82,7 +83,7 @@ def integrate(
         found = replace(found, **dict(zip(("t", "q", "p"), rows, strict=True)), parameter=None)
     if not len(found.t):
         found = replace(found, t=full.t[:1], q=full.q[:1], p=full.p[:1])
-    return replace(found, events={name: _until(x, end, h) for name, x in events.items()})
+    return Solution.of(found, events={name: _until(x, end, h) for name, x in events.items()})
 
 
 def _grid(chosen: Integrator, wanted: Wanted, run: Mapping[str, Any]) -> tuple[float, int]:
@@ -118,7 +119,7 @@ def _until(found: section.Section, end: float, h: float) -> section.Section:
     return Section(**fields_of(found) | {x: getattr(found, x)[kept] for x in ("orbit", "t", "q", "p")})
 
 
-def _thinned(full: Solution, save_every: int, end: float) -> Solution:
+def _thinned(full: Rows, save_every: int, end: float) -> Rows:
     """Every so many rows of a solution, and its last, up to a time."""
     last = len(full.t) - 1
     index = np.append(np.arange(0, last, spacing(save_every, max(1, last))), last)
@@ -127,9 +128,7 @@ def _thinned(full: Solution, save_every: int, end: float) -> Solution:
     return replace(full, t=full.t[index], q=full.q[index], p=full.p[index], parameter=chosen)
 
 
-def _at_times(
-    chosen: Integrator, problem: Any, full: Solution, times: Floats, end: float, tol: float | None
-) -> Solution:
+def _at_times(chosen: Integrator, problem: Any, full: Rows, times: Floats, end: float, tol: float | None) -> Rows:
     """The states at some times: those of rows, or after one shorter step of the integrator from the row before."""
     from .ensembles import integrate_ensemble
 

@@ -18,10 +18,14 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from phasebench.integrators.solution import Floats
+
     from .ensembles import Section
 
 #: Rows that a notebook shows.
 HEAD = 6
+#: The name of what is conserved if H depends on time, with p_t' = -dH/dt.
+DRIVEN = "H + p_t"
 
 
 class GlobalError(NamedTuple):
@@ -53,18 +57,33 @@ def stability_hint(status: str, method: str) -> str:
 class Solution(solution.Solution):
     """The result of an integration: a trajectory (t, q, p) with its method, status and counts.
 
-    Attributes are those of `integrators.solution.Solution`, and ``events``: name -> `Section`, where the function of
-    the state with that name vanishes.
+    Attributes are those of `integrators.solution.Solution`, and
+
+    events : name -> `Section`, where the function of the state with that name vanishes
+    whole : the same solution with the time as the last coordinate, and its momentum, if H depends on time; else None
     """
 
     events: Mapping[str, Section] = field(default_factory=dict, compare=False)
+    whole: solution.Solution | None = field(default=None, compare=False)
 
     @classmethod
-    def of(cls, found: solution.Solution) -> Solution:
+    def of(cls, found: solution.Solution, **more: Any) -> Solution:
         """Make a solution with the methods of this class from one of the base class."""
-        given = {f.name: getattr(found, f.name) for f in fields(found)}
+        given = {f.name: getattr(found, f.name) for f in fields(solution.Solution)}
         hint = stability_hint(found.status, found.method.id)
-        return cls(**given | {"reason": "; ".join(filter(None, (found.reason, hint)))})
+        if getattr(found.problem, "system", found.problem).driven:
+            more |= {"q": found.q[:, :-1], "p": found.p[:, :-1], "whole": found}
+        return cls(**given | {"reason": "; ".join(filter(None, (found.reason, hint)))} | more)
+
+    def energy(self) -> Floats:
+        """H of each row, array (n,), which varies if it depends on time; InvalidInput if the system has no energy."""
+        return super().energy() if self.whole is None else self.whole.energy() - self.whole.p[:, -1]
+
+    def invariants(self) -> dict[str, Floats]:
+        """The problem's invariants besides the energy, name -> array (n,); H + p_t if H depends on time."""
+        if self.whole is None:
+            return super().invariants()
+        return {DRIVEN: self.whole.energy()} | self.whole.invariants()
 
     def error(self) -> GlobalError:
         """Compute the error at the end, against a certified state or a run in long double from the same start.
@@ -75,7 +94,7 @@ class Solution(solution.Solution):
 
         if self.status not in ("ok", "inaccurate", "unstable"):
             raise InvalidInput(f"the run ended as {self.status} at t = {self.t[-1]:.6g}: it has no error at its end")
-        found = global_error.end_error(self._started(), self, float(self.t[-1] - self.t[0]))
+        found = global_error.end_error(self._started(), self.whole or self, float(self.t[-1] - self.t[0]))
         reference = found["reference"]
         return GlobalError(
             *(nan if x is None else x for x in (found["global_error"], reference["uncertainty"], reference["horizon"])),
@@ -89,7 +108,7 @@ class Solution(solution.Solution):
 
         columns = {"t": self.t}
         for symbols, rows in ((self.system.q, self.q), (self.system.p, self.p)):
-            columns |= {str(symbol): rows[:, k] for k, symbol in enumerate(symbols)}
+            columns |= {str(symbol): x for symbol, x in zip(symbols, rows.T, strict=False)}
         if self.system.has_energy and "energy" not in columns:
             columns["energy"] = self.energy()
         return pd.DataFrame(columns)
@@ -109,7 +128,7 @@ class Solution(solution.Solution):
         """The problem with the solution's first row as its initial state."""
         from .global_error import with_start
 
-        q, p = self.q[0], self.p[0]
+        q, p = (self.whole or self).q[0], (self.whole or self).p[0]
         if not isinstance(self.problem, Problem):
             return with_start(self.system, q, p, tangent=False)
         own = np.array_equal(q, self.problem.q0) and np.array_equal(p, self.problem.p0)

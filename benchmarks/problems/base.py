@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from phasebench.integrators.errors import InvalidInput, unknown_name
+from phasebench.integrators.request import extended
 from phasebench.integrators.systems.hamiltonian import Formula, PartitionedSystem
 
 ORDER, DRIFT = "order", "drift"
@@ -83,6 +84,11 @@ class Problem:
     time_unit: str = ""
 
     def __post_init__(self) -> None:
+        if getattr(self.system, "driven", False):
+            orbits = (
+                replace(o, **{x: floats(extended(self.system, x, getattr(o, x))) for x in "qp"}) for o in self.orbits
+            )
+            object.__setattr__(self, "orbits", tuple(orbits))
         given = self.invariants
         if isinstance(given, dict) and getattr(self.system, "constrained", False):
             given = given | self.system.bound

@@ -107,8 +107,9 @@ def from_formula(
             raise InvalidInput(f"the formula has no constant '{name}'")
     known = {*variables, *constants, *formula.CONSTANTS, *formula.FUNCTIONS}
     missing = [x for x in names if x not in known]
-    if "t" in missing:
+    if "t" in missing and (constraints or parts):
         raise InvalidInput(formula.time_hint(d + 1))
+    missing = [x for x in missing if x != "t"]
     if missing:
         raise InvalidInput(
             f"the formula has {', '.join(missing)} besides the variables {', '.join(variables)}: "
@@ -128,9 +129,10 @@ def from_formula(
     more = [bound] if bound else [parts, "parts"] if parts else []
     key = deferred.key_of("formula", text, variables, sorted(constants.items()), start, *more)
     system = deferred.system(key, partial(_of_formula, text, variables, constants, start, bound, parts))
-    _check_start(system, orbit, "the formula", "--q={} --p={}")
     name = id or text.strip()
-    return Problem(name, "a formula", "the command line", system, (orbit,), parameters=constants)
+    problem = Problem(name, "a formula", "the command line", system, (orbit,), parameters=constants)
+    _check_start(system, problem.orbits[0], "the formula", "--q={} --p={}")
+    return problem
 
 
 def _of_formula(
@@ -144,7 +146,7 @@ def _of_formula(
     """Make the system of a formula of H in the variables ``names``, first all q, then all p."""
     variables = {name: sp.Symbol(name, real=True) for name in names}
     known = variables | {k: sp.Rational(v) for k, v in constants.items()}
-    H = formula.parse(text, known)
+    H = formula.parse(text, {"t": sp.Symbol("t", real=True)} | known)
     symbols, d = list(variables.values()), len(names) // 2
     if constraints:
         bound = [formula.parse_equation(g, known) for g in constraints]

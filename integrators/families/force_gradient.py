@@ -67,6 +67,7 @@ class ForceGradient(NamedTuple):
     Attributes
     ----------
     dT : grad T: a function, or the array 1 / m_i if grad T is p_i / m_i, or None if it is p itself
+    inertia : M^-1, as dT, which it is unless H depends on time
     dV : the function grad V
     product : the function (q, v) -> V''(q) v; None if the modified kick is made of two forces, without the Hessian
     a : fractions of h of the drifts; a[0] is not used
@@ -76,6 +77,7 @@ class ForceGradient(NamedTuple):
     """
 
     dT: Callable | np.ndarray | None
+    inertia: Callable | np.ndarray | None
     dV: Callable
     product: Callable | None
     a: np.ndarray
@@ -217,7 +219,7 @@ def evaluate(
     if c == 0:
         return b, slope
     counts.gradient += 1
-    v = apply(method.dT, slope, y.velocity)
+    v = apply(method.inertia, slope, y.velocity)
     return modified_kick(method.product, method.dV, b, c * (method.h * method.h), q, slope, v, y.place)
 
 
@@ -298,5 +300,6 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = 
     system = inplace.in_place_version(system, arithmetic, MOST) if fills else system
     dT = numbers(masses, arithmetic) if masses else system.grad_T(arithmetic)
     product = None if hessian_free else hessian_product(system, arithmetic)
-    step = ForceGradient(dT, system.grad_V(arithmetic), product, a, b, c)
+    inertia = system.inertia(arithmetic) if system.driven else dT
+    step = ForceGradient(dT, inertia, system.grad_V(arithmetic), product, a, b, c)
     return Prepared(run, step, 1, 3, implicit=False, arrays=system.fills)

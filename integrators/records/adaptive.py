@@ -41,7 +41,7 @@ def split(base: Method, id: str, name: str) -> Method:
         source=base.source,
         cite=base.cite,
         data=lambda: base.data,
-        requires=("canonical", "separable", "quadratic kinetic energy", "singular distances"),
+        requires=("canonical", "separable", "quadratic kinetic energy", "constant mass matrix", "singular distances"),
     )
 
 

@@ -20,7 +20,7 @@ def symmetric_multistep(order: int) -> Method:
         quadratic=BOUNDED,
         source="Quinlan & Tremaine 1990; started by Gauss, 8 stages",
         cite=("quinlan-tremaine1990", "quinlan1999", "butcher1964"),
-        requires=("canonical", "separable", "quadratic kinetic energy"),
+        requires=("canonical", "separable", "quadratic kinetic energy", "constant mass matrix"),
         earlier=order - 1,
         data=tuple(table),
     )

@@ -20,7 +20,7 @@ def galerkin(id: str, degree: int, quadrature: str, nodes: int, order: int, name
         order=order,
         source=f"{MW}; {OS}" if both else MW,
         cite=("marsden2001", "ober-bloebaum2015") if both else ("marsden2001",),
-        requires=("separable", "quadratic kinetic energy"),
+        requires=("separable", "quadratic kinetic energy", "constant mass matrix"),
         data=(degree, quadrature, nodes),
         **SYMPLECTIC,
     )

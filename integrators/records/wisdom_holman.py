@@ -25,7 +25,9 @@ def splitting(name: str) -> tuple[tuple, tuple]:
 
 
 def _record(family: str = "wisdom_holman", **facts: Any) -> Method:
-    common = SYMPLECTIC | {"requires": ("canonical", "separable", "quadratic kinetic energy", "Kepler part")}
+    common = SYMPLECTIC | {
+        "requires": ("canonical", "separable", "quadratic kinetic energy", "constant mass matrix", "Kepler part")
+    }
     return Method(family=family, **(common | facts))
 
 

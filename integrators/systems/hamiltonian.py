@@ -89,6 +89,10 @@ class PartitionedSystem:
     rigid = False
     #: Whether H is a sum of parts with exact flows (`parts`).
     split = False
+    #: Whether H depends on time, which is the last coordinate then; its momentum p_t takes up the energy.
+    driven = False
+    #: Whether that H is p . M^-1 p / 2 + V(q, t) with a constant M.
+    driven_quadratic = False
     #: Intermediate results (symbol, expression) that `sides` refer to.
     definitions: tuple[tuple[Any, Any], ...] = ()
     #: Hash that identifies the system in the cache (see `deferred`); empty if it is made of SymPy expressions.
@@ -143,9 +147,12 @@ class PartitionedSystem:
         """The variables and H, as in ``Hamiltonian(q='q', p='p', H='p**2/2 - cos(q)')``; long lists are shortened."""
         from textwrap import shorten
 
-        parts = {"q": " ".join(map(str, self.q)), "p": " ".join(map(str, self.p))}
-        if self.H is not None:
-            parts["H" if self.canonical else "energy"] = str(self.H)
+        q, p, H = self.q, self.p, self.H
+        if self.driven:
+            q, p, H = q[:-1], p[:-1], H - p[-1]
+        parts = {"q": " ".join(map(str, q)), "p": " ".join(map(str, p))}
+        if H is not None:
+            parts["H" if self.canonical else "energy"] = str(H)
         said = (f"{name}={shorten(text, SHOWN, placeholder=' ...')!r}" for name, text in parts.items())
         return f"{type(self).__name__}({', '.join(said)})"
 
@@ -179,7 +186,7 @@ class PartitionedSystem:
         return {
             "canonical": self.canonical,
             "separable": self.separable,
-            "quadratic kinetic energy": self.quadratic_kinetic,
+            "quadratic kinetic energy": self.quadratic_kinetic or self.driven_quadratic,
             "polynomial degree": self.polynomial_degree,
             "linear fast part": bool(self.frequencies),
             "Kepler part": self.kepler is not None,
@@ -448,12 +455,14 @@ def _derive_system(given: dict) -> Hamiltonian:
 
 
 class Hamiltonian(PartitionedSystem):
-    """The canonical system of H(q, p).
+    """The canonical system of H(q, p), or of H(q, p, t).
 
     Parameters
     ----------
     q, p : sequences of symbols or names, of equal length d
-    H : expression, or a formula as text (parsed, never evaluated as Python)
+    H : expression, or a formula as text (parsed, never evaluated as Python).  If it has a t that is no coordinate, the
+        system is that of H + p_t, with the time t as a further coordinate, and ``d`` counts it; initial states and the
+        rows of `phasebench.integrate` leave it out
     singular : expressions, optional
         Distances that vanish where H is singular.  By default they are found in H (`singularities`), together with
         softened ones such as sqrt(r^2 + eps^2), which cannot vanish; an empty tuple says that there are none.
@@ -516,12 +525,18 @@ class Hamiltonian(PartitionedSystem):
         kepler: Any = None,
     ) -> None:
         """Set the attributes of the system: derive right-hand sides and distances to singularities from formulae."""
-        q, p = _symbols(q), _symbols(p)
+        q, p, (time, lost) = _symbols(q), _symbols(p), _symbols("t p_t")
         if isinstance(H, str):
-            H = parse(H, {str(s): s for s in (*q, *p)})
+            known = {str(s): s for s in (*q, *p)}
+            known.setdefault("t", time)
+            H = parse(H, known)
         H = _expression(H)
         if not H.free_symbols & {*q, *p}:
             raise InvalidInput("H depends on none of the coordinates and momenta")
+        times = [x for x in H.free_symbols - {*q, *p} if str(x) == "t"]
+        if times:
+            self.driven = True
+            q, p, H = (*q, time), (*p, lost), H.xreplace(dict.fromkeys(times, time)) + lost
         PartitionedSystem.__init__(
             self,
             q=q,
@@ -568,6 +583,14 @@ class Hamiltonian(PartitionedSystem):
         T = self._split[0]
         return bool(T.is_polynomial(*self.p)) and all(sum(m) == 2 for m in sp.Poly(T, *self.p).monoms())
 
+    @property
+    def driven_quadratic(self) -> bool:
+        """True if H = p . M^-1 p / 2 + V(q, t) + p_t with a constant M."""
+        if not self.driven or self._split is None:
+            return False
+        T = self._split[0] - self.p[-1]
+        return bool(T.is_polynomial(*self.p)) and all(sum(m) == 2 for m in sp.Poly(T, *self.p).monoms())
+
     @cached_property
     def unit_mass(self) -> bool:
         """True if the velocity is the momentum itself."""
@@ -597,6 +620,11 @@ class Hamiltonian(PartitionedSystem):
         if self.unit_mass:
             return None
         return self.gradient_like("grad_T", "p", lambda: [[sp.diff(self.kinetic, x) for x in self.p]], arithmetic)
+
+    def inertia(self, arithmetic: str = DOUBLE) -> Function:
+        """The function v -> M^-1 v of H = p . M^-1 p / 2 + V(q, t) + p_t."""
+        T = self.kinetic - self.p[-1]
+        return self.gradient_like("inertia", "p", lambda: [[sp.diff(T, x) for x in self.p]], arithmetic)
 
     def grad_V(self, arithmetic: str = DOUBLE) -> Function:
         """The function q -> grad V(q) of a separable H."""

@@ -147,7 +147,7 @@ X1, Y1 = sp.symbols("q p", real=True)
 REFUSED = [
     (Hamiltonian, {"q": "q r"}, "2 coordinates and 1 momenta"),
     (Hamiltonian, {"H": "3"}, "none of the coordinates and momenta"),
-    (Hamiltonian, {"H": "p**2 + z"}, "'z' is none of the variables q, p"),
+    (Hamiltonian, {"H": "p**2 + z"}, "'z' is none of the variables q, p, t"),
     (Hamiltonian, {"invariants": (sp.Symbol("z") + 1,)}, "z in the formula is none of the variables q, p"),
     (Hamiltonian, {"frequencies": (1, 2)}, "frequencies are 1 numbers"),
     (Hamiltonian, {"H": "p**2 + q**2", "frequencies": (1,)}, r"H = \|p\|\^2 / 2"),

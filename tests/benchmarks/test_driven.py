@@ -1,0 +1,114 @@
+"""H(q, p, t): the rows are of q and p, and the numbers those of the system with the time as a coordinate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import mathieu_a, mathieu_cem
+
+import phasebench as pb
+from support.commands import integrate_json
+
+SWING = "p**2/2 - cos(q)*(1 + sin(13*t/10)/10)"
+DRIVEN = pb.Hamiltonian(q="q", p="p", H=SWING)
+START = {"q0": [1.0], "p0": [0.5]}
+
+
+def end(found):
+    return np.array([*found.q[-1], *found.p[-1]])
+
+
+@pytest.mark.parametrize("method", ["stormer-verlet", "rk4", "gauss-4", "scheme-v", "generating-function"])
+def test_it_is_the_extension_made_by_hand_to_the_last_bit(method):
+    hand = pb.Hamiltonian(q="q s", p="p ps", H=f"{SWING.replace('t)', 's)').replace('*t/', '*s/')} + ps")
+    extended = pb.integrate(hand, method, h=0.1, t_end=20.0, q0=[1.0, 0.0], p0=[0.5, 0.0])
+    found = pb.integrate(DRIVEN, method, h=0.1, t_end=20.0, **START)
+    assert found.q.shape == found.p.shape == (201, 1)
+    np.testing.assert_array_equal(found.q[:, 0], extended.q[:, 0])
+    np.testing.assert_array_equal(found.p[:, 0], extended.p[:, 0])
+    kept = found.invariants()["H + p_t"]
+    np.testing.assert_array_equal(kept, extended.energy())
+    assert np.ptp(found.energy()) > 100 * np.ptp(kept)
+
+
+@pytest.mark.parametrize("t0", [0.0, 3.0])
+@pytest.mark.parametrize("method", ["gauss-8", "kahan-li-8", "heyoka"])
+def test_the_time_counts_from_t0(method, t0):
+    exact = solve_ivp(
+        lambda t, y: [y[1], -np.sin(y[0]) * (1 + np.sin(1.3 * t) / 10)],
+        *((t0, 20.0), [1.0, 0.5]),
+        **{"rtol": 1e-12, "atol": 1e-13, "method": "DOP853"},
+    )
+    more = {} if method == "heyoka" else {"h": 0.02}
+    found = pb.integrate(DRIVEN, method, t0=t0, t_end=20.0, **START, **more)
+    np.testing.assert_allclose(end(found), exact.y[:, -1], rtol=0, atol=1e-9)
+    assert found.error().error < 1e-9
+    assert np.abs(end(pb.integrate(DRIVEN, method, t0=t0 + 1.0, t_end=21.0, **START, **more)) - end(found)).max() > 0.01
+
+
+@pytest.mark.parametrize(
+    "method", ["blanes-moan-srkn6b", "okunbor-skeel-6", "chin-4a", "omelyan-6-5f5g-v", "hessian-free-adada"]
+)
+def test_methods_for_a_quadratic_kinetic_energy_keep_their_order(method):
+    exact = end(pb.integrate(DRIVEN, "heyoka", t_end=4.0, **START))
+    errors = [
+        np.abs(end(pb.integrate(DRIVEN, method, h=h, t_end=4.0, **START)) - exact).max() for h in (0.1, 0.05, 0.025)
+    ]
+    order = pb.method(method).order
+    slopes = np.log2(errors[:-1]) - np.log2(errors[1:])
+    assert slopes == pytest.approx([order, order], abs=0.5)
+    frozen = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+    assert np.abs(end(pb.integrate(frozen, method, h=0.025, t_end=4.0, **START)) - exact).max() > 1e-3
+
+
+@pytest.mark.parametrize("m", [1, 2])
+def test_mathieu_functions(m):
+    """y'' + (a - 2 k cos 2t) y = 0 has the even function ce_m for a = a_m(k) (Abramowitz and Stegun, 20.2)."""
+    k = 1.5
+    system = pb.Hamiltonian(q="y", p="v", H=f"v**2/2 + ({float(mathieu_a(m, k))!r} - 2*{k}*cos(2*t))*y**2/2")
+    times = np.linspace(0, 3, 7)
+    found = pb.integrate(system, "gauss-8", h=0.05, t_end=3.0, q0=[1.0], p0=[0.0], t_eval=times)
+    exact = [mathieu_cem(m, k, np.degrees(t)) for t in (0.0, *times)]
+    np.testing.assert_allclose(found.q[:, 0], [x[0] / exact[0][0] for x in exact[1:]], rtol=0, atol=1e-10)
+
+
+def test_a_rotating_bar_keeps_its_jacobi_integral():
+    turned = "(x*cos(t/4) + y*sin(t/4))**2 + 2*(y*cos(t/4) - x*sin(t/4))**2"
+    bar = pb.Hamiltonian(q="x y", p="u v", H=f"(u**2 + v**2)/2 + log(1 + {turned})/2")
+    found = pb.integrate(bar, "gauss-8", h=0.05, t_end=50.0, q0=[1.0, 0.2], p0=[0.1, 0.9])
+    (x, y), (u, v) = found.q.T, found.p.T
+    assert np.ptp(found.energy() - (x * v - y * u) / 4) < 1e-13
+    assert np.ptp(found.energy()) > 0.01
+
+
+def test_ensembles_events_and_prepared_runs():
+    alone = pb.integrate(DRIVEN, "stormer-verlet", h=0.1, t_end=10.0, **START)
+    many = pb.integrate_ensemble(DRIVEN, "stormer-verlet", [[1.0], [2.0]], [[0.5], [0.0]], h=0.1, t_end=10.0)
+    np.testing.assert_allclose(many.to_frame().loc[0, ["q", "p"]].astype(float), end(alone), rtol=1e-13)
+    q, p, status = pb.prepare(DRIVEN, "stormer-verlet", **START)(0.1, 100)
+    np.testing.assert_allclose([q[0], p[0]], end(alone), rtol=1e-13)
+    assert status == "ok"
+    stopped = pb.integrate(DRIVEN, "gauss-8", h=0.1, t_end=10.0, events={"down": "q"}, stop="down", **START)
+    assert stopped.q[-1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_command_line():
+    told = ["--hamiltonian", SWING, "--q", "1", "--p", "0.5", "--h", "0.1", "--t-end", "10", "--error"]
+    found = integrate_json("gauss-8", *told)
+    assert len(found["q"]) == len(found["p"]) == 1
+    assert found["global_error"] < 1e-12
+    assert found["energy_error"]["max"] < 1e-14
+
+
+@pytest.mark.parametrize("method", ["variational-midpoint", "quinlan-tremaine-8"])
+def test_methods_that_take_the_momenta_for_velocities_are_refused(method):
+    with pytest.raises(pb.InvalidInput, match="constant mass matrix"):
+        pb.integrate(DRIVEN, method, h=0.1, t_end=1.0, **START)
+
+
+def test_a_coordinate_may_be_called_t():
+    assert pb.Hamiltonian(q="t", p="p", H="p**2/2 + t**2").d == 1
+    assert "t" not in repr(DRIVEN).split("H=")[0].replace("Hamiltonian", "")
+    with pytest.raises(pb.InvalidInput, match="has 2 components; the problem has d = 1"):
+        pb.integrate(pb.Hamiltonian(q="t", p="p", H="p**2/2 + t**2"), "rk4", h=0.1, t_end=1.0, q0=[1.0, 2.0], p0=[0.0])
