@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .hamiltonian import PartitionedSystem
 
 #: The attributes of its system that a shell holds.
-FACTS = ("d", "content", "driven", "has_energy", "singularities")
+FACTS = ("d", "content", "driven", "has_energy", "parameters", "singularities")
 
 
 def key_of(*parts: object) -> str:

@@ -12,6 +12,8 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
+from math import isfinite
+from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -58,6 +60,14 @@ Floats = NDArray[np.float64]
 SHOWN = 160
 
 
+def _exact(parameters: Mapping[str, float]) -> dict[str, sp.Rational]:
+    """The values of parameters as the exact doubles that they are; raises InvalidInput unless they are finite."""
+    for name, value in parameters.items():
+        if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
+            raise InvalidInput(f"the parameter {name} is {value!r:.80}; it must be a finite number")
+    return {name: sp.Rational(float(value)) for name, value in parameters.items()}
+
+
 class PartitionedSystem:
     """The system q' = a(q, p), p' = b(q, p).
 
@@ -93,6 +103,8 @@ class PartitionedSystem:
     driven = False
     #: Whether that H is p . M^-1 p / 2 + V(q, t) with a constant M.
     driven_quadratic = False
+    #: The values of names in the formulas, by name.
+    parameters: Mapping[str, float] = {}
     #: Intermediate results (symbol, expression) that `sides` refer to.
     definitions: tuple[tuple[Any, Any], ...] = ()
     #: Hash that identifies the system in the cache (see `deferred`); empty if it is made of SymPy expressions.
@@ -157,9 +169,11 @@ class PartitionedSystem:
         return f"{type(self).__name__}({', '.join(said)})"
 
     def _formula(self, e: Formula) -> sp.Expr:
+        known = {str(s): s for s in (*self.q, *self.p)} | _exact(self.parameters)
         if isinstance(e, str):
-            e = parse(e, {str(s): s for s in (*self.q, *self.p)})
+            e = parse(e, known)
         e = _expression(e)
+        e = e.xreplace({s: known[str(s)] for s in e.free_symbols if str(s) in self.parameters})
         foreign = e.free_symbols - {*self.q, *self.p}
         if "t" in map(str, foreign):
             raise InvalidInput(time_hint(self.d + 1))
@@ -472,6 +486,7 @@ class Hamiltonian(PartitionedSystem):
         Declares the fast linear part: H = |p|^2 / 2 + sum omega_i^2 q_i^2 / 2 + U(q) with a slow U.
     kepler : optional `wisdom_holman.KeplerPart`
         Declares the Kepler part, the two-body problems into which a Wisdom-Holman method splits H (`wisdom_holman`).
+    parameters : optional values of other names in the formulas, name -> number
 
     Raises
     ------
@@ -488,6 +503,8 @@ class Hamiltonian(PartitionedSystem):
     >>> pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
     >>> pendulum.separable, pendulum.quadratic_kinetic
     (True, True)
+    >>> Hamiltonian(q="q", p="p", H="p**2/2 - w**2*cos(q)", parameters={"w": 2})
+    Hamiltonian(q='q', p='p', H='p**2/2 - 4*cos(q)')
     """
 
     canonical = True
@@ -504,10 +521,13 @@ class Hamiltonian(PartitionedSystem):
         invariants: Sequence[Formula] = (),
         frequencies: Sequence[Formula | float] = (),
         kepler: Any = None,
+        parameters: Mapping[str, float] | None = None,
     ) -> None:
-        given = {"q": q, "p": p, "H": H, "invariants": invariants}
+        given: dict[str, Any] = {"q": q, "p": p, "H": H, "invariants": invariants}
         given |= {} if singular is None else {"singular": singular}
         text = all(isinstance(x, str) for x in _flatten(given.values())) and type(self) is Hamiltonian
+        if parameters:
+            given |= {"parameters": dict(parameters)}
         if not text or frequencies or kepler is not None:
             self._derive(**given, frequencies=frequencies, kepler=kepler)
         else:
@@ -523,14 +543,18 @@ class Hamiltonian(PartitionedSystem):
         invariants: Sequence[Formula] = (),
         frequencies: Sequence[Formula | float] = (),
         kepler: Any = None,
+        parameters: Mapping[str, float] | None = None,
     ) -> None:
         """Set the attributes of the system: derive right-hand sides and distances to singularities from formulae."""
         q, p, (time, lost) = _symbols(q), _symbols(p), _symbols("t p_t")
-        if isinstance(H, str):
-            known = {str(s): s for s in (*q, *p)}
-            known.setdefault("t", time)
-            H = parse(H, known)
-        H = _expression(H)
+        self.parameters, known = dict(parameters or {}), {str(s): s for s in (*q, *p)}
+        double = [name for name in self.parameters if name in known]
+        if double:
+            raise InvalidInput(f"the parameter {double[0]} is one of the variables {', '.join(known)}")
+        known |= _exact(self.parameters)
+        known.setdefault("t", time)
+        H = parse(H, known) if isinstance(H, str) else _expression(H)
+        H = H.xreplace({s: known[str(s)] for s in H.free_symbols if str(s) in self.parameters})
         if not H.free_symbols & {*q, *p}:
             raise InvalidInput("H depends on none of the coordinates and momenta")
         times = [x for x in H.free_symbols - {*q, *p} if str(x) == "t"]
