@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .compile import machine
 from .compile.codegen import MULTIPRECISION
 from .outcome import (
     COLLISION,
@@ -152,9 +153,11 @@ class Trajectory:
     def _call(self, run: Layout, n: int, every: int, pace: Pace) -> tuple[int, int]:
         """Fill the next n rows, ``every`` steps apart, by one kernel call; returns (rows filled, status code)."""
         part = slice(self.filled, self.filled + n)
-        began = time.perf_counter()
+        began, waited = time.perf_counter(), machine.waited()
         filled, code = run(self.q[1:][part], self.p[1:][part], self.parameter[part], every)
-        took = time.perf_counter() - began
+        waited = machine.waited() - waited
+        took = time.perf_counter() - began - waited
+        pace.deadline += waited
         self.seconds += took
         pace.adapt(took)
         return filled, code

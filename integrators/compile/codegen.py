@@ -82,8 +82,8 @@ def _finish(text: str, style: str) -> str:
 
 @lru_cache(maxsize=16)
 def once(f: Callable, signature: Signature, arithmetic: str = DOUBLE) -> Callable:
-    """Return f compiled, for all kernels, which call it by a pointer; f itself if no compiled kernel calls it."""
-    return machine.Function(f, signature, TUPLES, f.__name__) if arithmetic == DOUBLE and compiled() else f
+    """Return f for all kernels, compiled when one first calls it; f itself if no compiled kernel calls it."""
+    return machine.Function(f, signature, TUPLES, f.__name__, rare=True) if arithmetic == DOUBLE and compiled() else f
 
 
 #: The generated functions of this process, by the digest of what each was generated from.

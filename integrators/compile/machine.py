@@ -8,20 +8,26 @@ made again.
 Compiled loops over steps call a system's functions through pointers, by what Numba documents as its wrapper address
 protocol.  Numba's own entry for such calls checks for exceptions and calls the function; generated functions are
 arithmetic, which raises none, and a call would cost as much as a small gradient.  The entry of a `Function` has the
-function's code inlined.
+function's code inlined, or, of one that is rarely called, compiles the function at the first call.
 
 References: Numba's documentation, "Notes on caching", "First-class function types", "Low-level extension API".
 """
 
 from __future__ import annotations
 
+import _thread
+import ctypes
 import gc
 import hashlib
 import inspect
+import os
+import time
+import traceback
 import warnings
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
+from threading import Timer
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +42,10 @@ from .options import UNCALLED
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Dispatcher, Signature
+
+
+#: Seconds after which an interrupt that came while compiled code waited is raised.
+LATER = 0.05
 
 
 def load_or_compile(f: Callable, signature: Signature, options: dict, name: str) -> Dispatcher:
@@ -147,16 +157,47 @@ def _rename(f: Callable, digest: str, source: Path | None) -> Callable:
 class Function(types.WrapperAddressProtocol):
     """A compiled function that raises no exception: kernels call it through a pointer, and Python may call it, too.
 
-    The parameters are those of `load_or_compile`.  The pointer is compiled or loaded at once; what Python calls is
-    compiled when it first does so.
+    The parameters are those of `load_or_compile`.  The pointer is compiled or loaded at once, or with ``rare`` when
+    compiled code first calls it; what Python calls is compiled when it first does so.
     """
 
-    def __init__(self, f: Callable, signature: Signature, options: dict, name: str) -> None:
+    def __init__(self, f: Callable, signature: Signature, options: dict, name: str, rare: bool = False) -> None:
         self._made = f, signature, options, name
+        self._address = self._stub() if rare else self._compile()
+
+    def _compile(self) -> int:
+        """Compile or load the entry; returns its address."""
+        f, signature, options, name = self._made
         address = with_functions(_address, {"entry_address": _entry_of(f, signature, options, name)})
         made_of = f"{sorted(options.items(), key=str)} {digest_of(modules_of(f))}"  # an intrinsic does not tell them
         entry = f"{name}|entry of {signature!r} {made_of}"
-        self._address = load_or_compile(address, types.intp(), {"no_cfunc_wrapper": True}, entry)()
+        return load_or_compile(address, types.intp(), {"no_cfunc_wrapper": True}, entry)()
+
+    def _stub(self) -> int:
+        """The address of an entry that at its first call compiles the function, which it then calls."""
+        _, signature, _, name = self._made
+        stub = with_functions(_address, {"entry_address": _stub_of(signature)})
+        pair = types.UniTuple(types.intp, 2)
+        address, place = load_or_compile(stub, pair(), {"no_cfunc_wrapper": True}, f"{name}|stub of {signature!r}")()
+        places = (ctypes.c_ssize_t * 2).from_address(place)
+        self._resolve = ctypes.CFUNCTYPE(None)(partial(self._fill, places))
+        places[0] = ctypes.cast(self._resolve, ctypes.c_void_p).value
+        return address
+
+    def _fill(self, places: ctypes.Array) -> None:
+        """Compile the function for its stub, which is being called and asks until it has the address."""
+        began, interrupted = time.perf_counter(), False
+        while not places[1]:
+            try:
+                places[1] = self._compile()
+            except KeyboardInterrupt:
+                interrupted = True
+            except BaseException:
+                traceback.print_exc()
+                os.abort()
+        _waited.append(time.perf_counter() - began)
+        if interrupted:  # raised here, it would end in the compiled code that waits
+            Timer(LATER, _thread.interrupt_main).start()
 
     @cached_property
     def dispatcher(self) -> Dispatcher:
@@ -179,6 +220,54 @@ class Function(types.WrapperAddressProtocol):
 
 def _address():
     return entry_address()  # noqa: F821 (`Function` sets it)
+
+
+#: Seconds that calls of stubs have taken to compile.
+_waited: list[float] = []
+
+
+def waited() -> float:
+    """Seconds that this process has compiled so far while compiled code waited."""
+    return sum(_waited)
+
+
+def _stub_of(signature: Signature) -> Callable:
+    """Return an intrinsic that yields two addresses: of a C function, and of two numbers that it reads.
+
+    The numbers are the address of a function (none -> none) that sets the second, and that of the function with this
+    signature to call, 0 as long as that is not known.
+    """
+
+    @intrinsic
+    def stub_addresses(typing_context):
+        def codegen(context, builder, made, arguments):
+            word = context.get_value_type(types.intp)
+            given = [context.get_value_type(t) for t in signature.args]
+            kind = ir.FunctionType(context.get_value_type(signature.return_type), given)
+            pair = ir.ArrayType(word, 2)
+            places = ir.GlobalVariable(builder.module, pair, builder.module.get_unique_name("places"))
+            places.linkage, places.initializer = "internal", ir.Constant(pair, None)
+            stub = ir.Function(builder.module, kind, builder.module.get_unique_name("stub"))
+            inside = ir.IRBuilder(stub.append_basic_block())
+            index = [ir.Constant(ir.IntType(32), k) for k in (0, 1)]
+            fill, found = (inside.gep(places, [index[0], k]) for k in index)
+            look, ask, go = (stub.append_basic_block(name) for name in ("look", "ask", "go"))
+            inside.branch(look)
+            inside.position_at_end(look)
+            unknown = inside.icmp_unsigned("==", inside.load(found), ir.Constant(word, 0))
+            inside.cbranch(unknown, ask, go)
+            inside.position_at_end(ask)
+            nothing = ir.FunctionType(ir.VoidType(), [])
+            inside.call(inside.inttoptr(inside.load(fill), nothing.as_pointer()), [])
+            inside.branch(look)
+            inside.position_at_end(go)
+            inside.ret(inside.call(inside.inttoptr(inside.load(found), kind.as_pointer()), stub.args))
+            both = [builder.ptrtoint(a, word) for a in (stub, places)]
+            return context.make_tuple(builder, made.return_type, both)
+
+        return types.UniTuple(types.intp, 2)(), codegen
+
+    return stub_addresses
 
 
 def _entry_of(f: Callable, signature: Signature, options: dict, name: str) -> Callable:
