@@ -29,8 +29,8 @@ from phasebench.benchmarks.measure.accuracy import end_state, truth
 from phasebench.benchmarks.measure.metrics import refinement_difference
 from phasebench.benchmarks.measure.root_scan import along, summary
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
-from phasebench.benchmarks.page.shared import total, worst
+from phasebench.benchmarks.page.page import ROWS, Data, Table, of
+from phasebench.benchmarks.page.shared import picture, total, worst
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
 from phasebench.benchmarks.page.verdict import NONE, Between
 from phasebench.benchmarks.problems import problem
@@ -160,9 +160,12 @@ def _order_said(column: str) -> Callable[[Data], str | None]:
     return of(TABLE)(lambda frame: f"{order(column)(frame.query(IV)):.2f}" if len(frame.query(IV)) > 2 else None)
 
 
-@of(TABLE)
-@style.styled
-def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(
+    TABLE, "printed", "printed and measured entries",
+    f"Left: distance of a measured entry from the printed one in units of its last digit (dashed: {AGREEMENT}, the "
+    "limit of agreement). Right: Scheme IV's printed and measured refinement differences.",
+)  # fmt: skip
+def _draw(frame: pd.DataFrame) -> style.Figure:
     iv, rest = frame.query(IV), frame.query(REST)
     figure, ((left, right),) = style.panels(1, 2, 2.9)
     for k, (name, part) in enumerate(rest.groupby("scheme", sort=False)):
@@ -177,11 +180,7 @@ def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     right.legend()
     for axes in (left, right):
         axes.grid(color="0.93", linewidth=0.5)
-    caption = (
-        f"Left: distance of a measured entry from the printed one in units of its last digit (dashed: {AGREEMENT}, the "
-        "limit of agreement). Right: Scheme IV's printed and measured refinement differences."
-    )
-    return [Picture(style.save(figure, folder, "printed.png"), "printed and measured entries", caption)]
+    return figure
 
 
 @of(TABLE)

@@ -7,7 +7,6 @@ the state and its uncertainty are those that the error of a user's run is measur
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from zlib import crc32
 
 import numpy as np
@@ -17,8 +16,8 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.quantities import END_STATE
 from phasebench.benchmarks.page.markdown import join_list
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
-from phasebench.benchmarks.page.shared import total, worst
+from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture, total, worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import EVERY, NONE, Between, at_least
 from phasebench.benchmarks.problems import labels
@@ -105,32 +104,31 @@ COLUMNS += ["its uncertainty"]
 NAMED = {LEAVES: "this machine", "distance": "Gauss 16"}
 
 
-@of(STORED)
-def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(
+    STORED, "references", "errors, uncertainties and horizons",
+    "Left: the error of each reference's digits at its last time, and the uncertainty stated for them. Right: its "
+    "horizon, with the interval in which 95 of 100 long double runs leave the limit.",
+)  # fmt: skip
+def _draw(frame: pd.DataFrame) -> style.Figure:
     shown = frame.sort_values("uncertainty").reset_index(drop=True)
     y, t_end = np.arange(len(shown)), shown["t_end"]
-    with style.settings():
-        figure, ((left, right),) = style.panels(1, 2, 1.3 + 0.145 * len(shown))
-        for k, (column, label) in enumerate((("error", "error of the digits"), ("uncertainty", "stated uncertainty"))):
-            colour, _, marker = style.CURVES[k]
-            left.semilogx(shown[column], y, marker, color=colour, label=label)
-        left.set_xlabel("max norm over (q, p) at the last time")
-        colour, _, marker = style.CURVES[2]
-        right.hlines(y, shown["earliest"] / t_end, shown["latest"] / t_end, color=colour, linewidth=2, label="interval")
-        right.plot(shown["horizon"] / t_end, y, marker, color=colour, label="horizon")
-        right.plot(shown[LEAVES] / t_end, y, "x", color="0.2", label="long double on this machine")
-        right.set_xlabel("horizon / t_end")
-        left.set_yticks(y, shown["problem"])
-        right.set_yticks(y, [""] * len(y))
-        for axes in (left, right):
-            axes.set_ylim(-0.7, len(shown) - 0.3)
-            axes.grid(color="0.93", linewidth=0.5)
-            axes.legend(loc="lower right" if axes is left else "lower left")
-    caption = (
-        "Left: the error of each reference's digits at its last time, and the uncertainty stated for them. Right: its "
-        "horizon, with the interval in which 95 of 100 long double runs leave the limit."
-    )
-    return [Picture(style.save(figure, folder, "references.png"), "errors, uncertainties and horizons", caption)]
+    figure, ((left, right),) = style.panels(1, 2, 1.3 + 0.145 * len(shown))
+    for k, (column, label) in enumerate((("error", "error of the digits"), ("uncertainty", "stated uncertainty"))):
+        colour, _, marker = style.CURVES[k]
+        left.semilogx(shown[column], y, marker, color=colour, label=label)
+    left.set_xlabel("max norm over (q, p) at the last time")
+    colour, _, marker = style.CURVES[2]
+    right.hlines(y, shown["earliest"] / t_end, shown["latest"] / t_end, color=colour, linewidth=2, label="interval")
+    right.plot(shown["horizon"] / t_end, y, marker, color=colour, label="horizon")
+    right.plot(shown[LEAVES] / t_end, y, "x", color="0.2", label="long double on this machine")
+    right.set_xlabel("horizon / t_end")
+    left.set_yticks(y, shown["problem"])
+    right.set_yticks(y, [""] * len(y))
+    for axes in (left, right):
+        axes.set_ylim(-0.7, len(shown) - 0.3)
+        axes.grid(color="0.93", linewidth=0.5)
+        axes.legend(loc="lower right" if axes is left else "lower left")
+    return figure
 
 
 @of(STORED)

@@ -6,7 +6,6 @@ import json
 import subprocess
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -18,8 +17,9 @@ from phasebench.benchmarks.advice.ask import Ask, ask
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.timing import in_turns, median, ratio
-from phasebench.benchmarks.page.markdown import code, number
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
+from phasebench.benchmarks.page.markdown import code
+from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture, worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.page.verdict import NONE, at_least
 from phasebench.benchmarks.problems import problem
@@ -150,31 +150,23 @@ def _against(question: Ask, choice: dict[str, Any]) -> dict[str, Any]:
     return line | seconds | {"ratio": over.value, "ratio low": over.low, "ratio high": over.high}
 
 
-def farthest(rows: pd.DataFrame) -> str:
-    """The request whose advised integration is farthest from the fastest."""
-    worst = rows.loc[rows["ratio"].idxmax()]
-    return f"{worst['choice']} on {worst['problem']}: {number(worst['ratio'])} times {worst['best']}"
-
-
-@of(TABLE)
-def draw(table: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(TABLE, "advice", "advice against the fastest")
+def draw(table: pd.DataFrame) -> tuple[style.Figure, str]:
     """The time of the advised integration over the fastest's, by requested accuracy."""
     told = table[table["ratio"].notna()]
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 3.2)
-        for k, (name, part) in enumerate((("registered", ~told["outside"]), ("formula", told["outside"]))):
-            look = style.curve(k) | {"linestyle": "none"}
-            axes.semilogx(told[part]["accuracy"], told[part]["ratio"], label=name, **look)
-        axes.axhline(NEAR, color=style.GREY, linewidth=0.8, linestyle=":")
-        axes.set(xlabel="requested accuracy", ylabel="time over the fastest's", ylim=(0, None))
-        axes.invert_xaxis()
-        style.legend_above(figure, axes, 2)
-    caption = (
+    figure, ((axes,),) = style.panels(1, 1, 3.2)
+    for k, (name, part) in enumerate((("registered", ~told["outside"]), ("formula", told["outside"]))):
+        look = style.curve(k) | {"linestyle": "none"}
+        axes.semilogx(told[part]["accuracy"], told[part]["ratio"], label=name, **look)
+    axes.axhline(NEAR, color=style.GREY, linewidth=0.8, linestyle=":")
+    axes.set(xlabel="requested accuracy", ylabel="time over the fastest's", ylim=(0, None))
+    axes.invert_xaxis()
+    style.legend_above(figure, axes, 2)
+    return figure, (
         f"Time of the advised integration over that of the fastest that brute force found; dotted: {NEAR}. Below 1 the "
         "advice is faster than brute force: certainly so (whole interval of the ratio) in "
         f"{int((told['ratio high'] < 1).sum())} of {len(told)}."
     )
-    return [Picture(style.save(figure, folder, "advice.png"), "advice against the fastest", caption)]
 
 
 @of(TABLE)
@@ -221,7 +213,7 @@ STUDY = Study(
         "near": Claim(
             "The advised integration is about as fast as the fastest that brute force finds",
             TABLE, f"ratio <= {NEAR}", at_least(OFTEN), rows="ratio == ratio", unit=f"requests within {NEAR} times",
-            where=farthest,
+            where=worst("ratio", "{choice} on {problem}: {ratio:.3g} times {best}"),
         ),
         "refusals": Claim(
             "No request is refused that brute force can meet",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,8 @@ from phasebench.benchmarks.judge import evidence
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, IN_PART, UNDERSTATED, UNJUDGED
 from phasebench.benchmarks.page import markdown
 from phasebench.benchmarks.page.markdown import join_list
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.page.verdict import NONE
 from phasebench.benchmarks.store.cells import ALONE, Package, Rows
@@ -78,8 +78,12 @@ def by_severity(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.sort_values("severity", key=lambda s: s.map(place).fillna(len(place)), kind="stable")
 
 
-@of("audit", "audit_claims")
-def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder: Path) -> list[Picture] | None:
+@picture(
+    ("audit", "audit_claims"), "audit", "measured minus claimed orders",
+    "Measured minus claimed order, one mark for each integrator and problem; grey: within "
+    f"±{evidence.GATE}, as claimed; values beyond ±{SHOWN} are drawn at the edge.",
+)  # fmt: skip
+def draw(found: pd.DataFrame, claimed: pd.DataFrame) -> style.Figure | None:
     """Draw measured minus claimed orders, one line for each package."""
     orders = claimed.query("property == 'order'")[["peer", "claim", "verdict"]]
     found = found.query(f"{THEIRS} and measure == 'order' and status == 'ok' and value == value")
@@ -91,22 +95,17 @@ def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder: Path) -> list[Pictu
     peers = seen.groupby("package")["peer"]
     y = place + 0.6 * (peers.transform(lambda x: pd.factorize(x)[0]) / (peers.transform("nunique") - 1).clip(1) - 0.5)
     labels = seen["verdict"].map(LABELS).fillna(LABELS[HOLDS])
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 1.1 + 0.32 * len(names))
-        axes.axvspan(-evidence.GATE, evidence.GATE, color="0.9")
-        for k, label in enumerate(LABELS.values()):
-            look = {"color": style.CURVES[k][0], "marker": style.CURVES[k][2], "linestyle": "none"}
-            axes.plot(apart[labels == label], y[labels == label], label=label, markersize=4, **look)
-        axes.set_yticks(np.arange(len(names)), names)
-        axes.set_ylim(len(names) - 0.5, -0.5)
-        axes.set_xlabel("measured − claimed order")
-        axes.grid(axis="x", color="0.93", linewidth=0.5)
-        style.legend_above(figure, axes, 3)
-    caption = (
-        "Measured minus claimed order, one mark for each integrator and problem; grey: within "
-        f"±{evidence.GATE}, as claimed; values beyond ±{SHOWN} are drawn at the edge."
-    )
-    return [Picture(style.save(figure, folder, "audit.png"), "measured minus claimed orders", caption)]
+    figure, ((axes,),) = style.panels(1, 1, 1.1 + 0.32 * len(names))
+    axes.axvspan(-evidence.GATE, evidence.GATE, color="0.9")
+    for k, label in enumerate(LABELS.values()):
+        look = {"color": style.CURVES[k][0], "marker": style.CURVES[k][2], "linestyle": "none"}
+        axes.plot(apart[labels == label], y[labels == label], label=label, markersize=4, **look)
+    axes.set_yticks(np.arange(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xlabel("measured − claimed order")
+    axes.grid(axis="x", color="0.93", linewidth=0.5)
+    style.legend_above(figure, axes, 3)
+    return figure
 
 
 @of("audit", "audit_claims", "audit_statements", "audit_modes", "audit_unregistered")

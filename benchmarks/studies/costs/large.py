@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import patch
 
@@ -19,7 +18,8 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.metrics import power
 from phasebench.benchmarks.measure.timing import clock, columns, median, ratio, time_in_turns
 from phasebench.benchmarks.page.markdown import join_list
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
 from phasebench.benchmarks.page.verdict import at_most
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey, Unavailable
@@ -174,9 +174,11 @@ def powers(rows: pd.DataFrame) -> str | None:
     return ", ".join(parts) or None
 
 
-@of(COSTS)
-@style.styled
-def _draw(costs: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(
+    COSTS, "large", "cost by d",
+    "Time of a step over the degrees of freedom d; grey: the state is held in registers, elsewhere in arrays.",
+)  # fmt: skip
+def _draw(costs: pd.DataFrame) -> style.Figure:
     """Nanoseconds of a step over d, by this project, C and REBOUND: a panel for each system."""
     systems = costs.groupby("system", sort=False)
     figure, (panels,) = style.panels(1, len(systems), 2.9, sharey=True)
@@ -192,8 +194,7 @@ def _draw(costs: pd.DataFrame, folder: Path) -> list[Picture]:
         axes.grid(color="0.93", linewidth=0.5)
     panels[0].set_ylabel("ns a step")
     style.legend_above(figure, panels[-1], 3)
-    caption = "Time of a step over the degrees of freedom d; grey: the state is held in registers, elsewhere in arrays."
-    return [Picture(style.save(figure, folder, "large.png"), "cost by d", caption)]
+    return figure
 
 
 @of(COSTS, MADE)

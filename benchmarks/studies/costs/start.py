@@ -17,14 +17,14 @@ import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.timing import median, time_in_turns
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Data, Table
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
 from phasebench.benchmarks.page.verdict import at_most
 from phasebench.benchmarks.problems import problem as problem_of
@@ -107,9 +107,11 @@ def _run(words: list[str], **environment: str) -> str:
     return done.stdout
 
 
-@of(COLD)
-@style.styled
-def _draw(cold: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(
+    COLD, "start", "first integrations",
+    f"First integrations with an empty cache; the line: the most that is wanted, {COLD_WANTED:g} s.",
+)  # fmt: skip
+def _draw(cold: pd.DataFrame) -> style.Figure:
     cold = cold.sort_values("seconds", ascending=False)
     y = np.arange(len(cold))
     figure, ((axes,),) = style.panels(1, 1, 1.0 + 0.2 * len(cold))
@@ -120,8 +122,7 @@ def _draw(cold: pd.DataFrame, folder: Path) -> list[Picture]:
     axes.set_xlabel("seconds of the processor in the first integration")
     axes.set_axisbelow(True)
     axes.grid(axis="x", color="0.93", linewidth=0.5)
-    caption = f"First integrations with an empty cache; the line: the most that is wanted, {COLD_WANTED:g} s."
-    return [Picture(style.save(figure, folder, "start.png"), "first integrations", caption)]
+    return figure
 
 
 def _table(data: Data) -> Table | None:

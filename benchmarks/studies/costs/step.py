@@ -6,7 +6,6 @@ Times are warm: everything is compiled before, and no output is stored.
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,8 +18,7 @@ from phasebench.benchmarks.measure.timing import columns, median, time_in_turns
 from phasebench.benchmarks.measure.timing import ratio as quotient
 from phasebench.benchmarks.measure.variants import variants
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import Picture, of
-from phasebench.benchmarks.page.shared import worst
+from phasebench.benchmarks.page.shared import picture, worst
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Shown, Study, over
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.index import PROBLEMS as ALL
@@ -112,9 +110,11 @@ def slow(rows: pd.DataFrame) -> str:
     return ", ".join(f"{p} {number(r)}" for p, r in found.groupby("problem")["ratio"].max().nlargest(5).items())
 
 
-@of(RATIOS)
-@style.styled
-def _draw(ratios: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(
+    RATIOS, "speed", "ratios of times",
+    "Ratios of times: medians of rounds in turns with 95 % intervals; upright marks: the most that is wanted.",
+)  # fmt: skip
+def _draw(ratios: pd.DataFrame) -> style.Figure:
     y, middle = np.arange(len(ratios)), ratios["median"]
     figure, ((axes,),) = style.panels(1, 1, 1.0 + 0.2 * len(ratios))
     ends = [middle - ratios["median, low"], ratios["median, high"] - middle]
@@ -126,8 +126,7 @@ def _draw(ratios: pd.DataFrame, folder: Path) -> list[Picture]:
     axes.set_xlabel("ratio of the times of a step")
     axes.grid(axis="x", color="0.93", linewidth=0.5)
     style.legend_above(figure, axes, 2)
-    caption = "Ratios of times: medians of rounds in turns with 95 % intervals; upright marks: the most that is wanted."
-    return [Picture(style.save(figure, folder, "speed.png"), "ratios of times", caption)]
+    return figure
 
 
 def _needs_of_pair(ratio: str) -> tuple:

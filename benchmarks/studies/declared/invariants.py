@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.page.long_runs import NOISE, SHARE, completed_runs, long_runs
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of
-from phasebench.benchmarks.page.study import Claim, Study
+from phasebench.benchmarks.page.page import ROWS, Data, Table, of
+from phasebench.benchmarks.page.shared import picture
+from phasebench.benchmarks.page.study import Claim, Study, rows_of
 from phasebench.benchmarks.page.verdict import NONE, at_most
 from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF
 from phasebench.integrators.registry import METHODS
@@ -44,8 +43,8 @@ def drifting(ran: pd.DataFrame) -> pd.Series:
 
 
 def _answer(data: Data) -> str | None:
-    ran, parts = COMPLETED(data), []
-    if ran is None or ran.empty:
+    ran, parts = rows_of(data, COMPLETED), []
+    if ran is None:
         return None
     for name, column, rows in (("energy", "energy_max", PRESERVING), ("angular momentum", ANGULAR, MOMENTUM)):
         if len(runs := ran.query(rows)):
@@ -55,37 +54,33 @@ def _answer(data: Data) -> str | None:
     return f"Long-term, {'; '.join(parts)}."
 
 
-def _draw(data: Data, folder: Path) -> list[Picture] | None:
-    ran = COMPLETED(data)
-    if ran is None or ran.empty:
-        return None
+@picture(
+    COMPLETED, "invariants", "energy errors on the long scenes",
+    "Largest energy error on each long scene at its largest step, between 1e-16 and 1; grey: the method cannot "
+    "integrate the scene, or did not reach its end.",
+)  # fmt: skip
+def _draw(ran: pd.DataFrame) -> style.Figure:
     first = ran.loc[ran.groupby(["scene", "method"], sort=False)["h"].idxmax()]
     middle = first.groupby(["method", "declared"])["energy_max"].median().reset_index()
     middle["rank"] = middle["declared"].map({c: k for k, c in enumerate(CLASSES)})
     middle = middle.sort_values(["rank", "energy_max"])
     wide = first.pivot_table(index="scene", columns="method", values="energy_max", sort=False)[list(middle["method"])]
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 2.6)
-        with np.errstate(divide="ignore"):
-            shown = np.log10(wide.to_numpy(dtype=float)).clip(*LIMITS)
-        mesh = axes.pcolormesh(shown, cmap="viridis", vmin=LIMITS[0], vmax=LIMITS[1])
-        axes.set_facecolor("0.85")
-        axes.set_yticks(np.arange(len(wide)) + 0.5, wide.index)
-        axes.invert_yaxis()
-        ends = np.cumsum([int((middle["declared"] == c).sum()) for c in CLASSES])
-        for x in ends[:-1]:
-            axes.axvline(x, color="white", linewidth=1.5)
-        named = [((a + b) / 2, c) for a, b, c in zip([0, *ends[:-1]], ends, CLASSES, strict=True) if b > a]
-        axes.set_xticks([x for x, _ in named], [c for _, c in named])
-        axes.tick_params(length=0)
-        axes.set_xlabel(f"{len(middle)} methods, by the declared behaviour of the energy, then by error")
-        bar = figure.colorbar(mesh, ax=axes, pad=0.01)
-        bar.set_label(r"$\log_{10} \max |H - H_0|$")
-    caption = (
-        "Largest energy error on each long scene at its largest step, between 1e-16 and 1; grey: the method cannot "
-        "integrate the scene, or did not reach its end."
-    )
-    return [Picture(style.save(figure, folder, "invariants.png"), "energy errors on the long scenes", caption)]
+    figure, ((axes,),) = style.panels(1, 1, 2.6)
+    with np.errstate(divide="ignore"):
+        shown = np.log10(wide.to_numpy(dtype=float)).clip(*LIMITS)
+    mesh = axes.pcolormesh(shown, cmap="viridis", vmin=LIMITS[0], vmax=LIMITS[1])
+    axes.set_facecolor("0.85")
+    axes.set_yticks(np.arange(len(wide)) + 0.5, wide.index)
+    axes.invert_yaxis()
+    ends = np.cumsum([int((middle["declared"] == c).sum()) for c in CLASSES])
+    for x in ends[:-1]:
+        axes.axvline(x, color="white", linewidth=1.5)
+    named = [((a + b) / 2, c) for a, b, c in zip([0, *ends[:-1]], ends, CLASSES, strict=True) if b > a]
+    axes.set_xticks([x for x, _ in named], [c for _, c in named])
+    axes.tick_params(length=0)
+    axes.set_xlabel(f"{len(middle)} methods, by the declared behaviour of the energy, then by error")
+    figure.colorbar(mesh, ax=axes, pad=0.01, label=r"$\log_{10} \max |H - H_0|$")
+    return figure
 
 
 @of(TABLE)

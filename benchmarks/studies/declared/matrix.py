@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,8 +12,9 @@ from phasebench.benchmarks.judge.evidence import GATE, NO_DEFECT
 from phasebench.benchmarks.measure import every_problem
 from phasebench.benchmarks.measure.conservation import too_few_nodes
 from phasebench.benchmarks.page.markdown import join_list
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of, once
-from phasebench.benchmarks.page.study import Claim, Runs, Study, over, rows_of
+from phasebench.benchmarks.page.page import ROWS, Table, of, once
+from phasebench.benchmarks.page.shared import picture
+from phasebench.benchmarks.page.study import Claim, Runs, Study, over
 from phasebench.benchmarks.page.verdict import EVERY, NONE
 from phasebench.benchmarks.problems import PROBLEMS
 from phasebench.benchmarks.store.cells import UNCOMPILED, ProblemKey
@@ -106,10 +106,8 @@ def tried(frame: pd.DataFrame) -> pd.Series:
     return pd.Series({f"{m.id} on {name}": (m.id, name) in there for name in PROBLEMS for m in METHODS})
 
 
-def _answer(data: Data) -> str | None:
-    found = rows_of(data, pairs)
-    if found is None:
-        return None
+@of(pairs)
+def _answer(found: pd.DataFrame) -> str:
     n = Counter(found["kind"])
     short = n["explained"] + n["contradicted"]
     return (
@@ -118,8 +116,13 @@ def _answer(data: Data) -> str | None:
     )
 
 
-@of(TABLE)
-def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(
+    TABLE, "matrix", "every method on every problem",
+    "Every method (columns, by declared order) on every problem (rows): as declared in order, symplecticity, "
+    "reversibility, energy and quadratic invariants; of higher order; short of it for a known reason, or for none; "
+    "or with a run that stopped. White: the problem lacks what the method requires.",
+)  # fmt: skip
+def _draw(frame: pd.DataFrame) -> style.Figure:
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -130,32 +133,24 @@ def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
     orders = frame.drop_duplicates("method")["declared_order"].to_numpy()
     first = np.flatnonzero(np.diff(orders, prepend=-1))
     last = np.append(first[1:], len(orders))
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 3.9)
-        axes.pcolormesh(seen.to_numpy(float), cmap=ListedColormap([*KINDS.values()]), vmin=0, vmax=len(KINDS) - 1)
-        axes.hlines(np.arange(len(problems)), 0, len(methods), color="white", linewidth=1.2)
-        axes.set_yticks(np.arange(len(problems)) + 0.5, problems)
-        axes.invert_yaxis()
-        for x in first[1:]:
-            axes.axvline(x, color="0.35", linewidth=0.7)
-        wide = [(a, b) for a, b in zip(first, last, strict=True) if b - a > 2]
-        axes.set_xticks([(a + b) / 2 for a, b in wide], [str(orders[a]) for a, _ in wide])
-        axes.tick_params(length=0)
-        axes.set_xlabel(f"{len(methods)} methods, by declared order")
-        patches = [Patch(facecolor=c, edgecolor="0.6", linewidth=0.5, label=k) for k, c in KINDS.items()]
-        figure.legend(handles=patches, loc="outside upper center", ncols=len(KINDS))
-    caption = (
-        "Every method (columns, by declared order) on every problem (rows): as declared in order, symplecticity, "
-        "reversibility, energy and quadratic invariants; of higher order; short of it for a known reason, or for none; "
-        "or with a run that stopped. White: the problem lacks what the method requires."
-    )
-    return [Picture(style.save(figure, folder, "matrix.png"), "every method on every problem", caption)]
+    figure, ((axes,),) = style.panels(1, 1, 3.9)
+    axes.pcolormesh(seen.to_numpy(float), cmap=ListedColormap([*KINDS.values()]), vmin=0, vmax=len(KINDS) - 1)
+    axes.hlines(np.arange(len(problems)), 0, len(methods), color="white", linewidth=1.2)
+    axes.set_yticks(np.arange(len(problems)) + 0.5, problems)
+    axes.invert_yaxis()
+    for x in first[1:]:
+        axes.axvline(x, color="0.35", linewidth=0.7)
+    wide = [(a, b) for a, b in zip(first, last, strict=True) if b - a > 2]
+    axes.set_xticks([(a + b) / 2 for a, b in wide], [str(orders[a]) for a, _ in wide])
+    axes.tick_params(length=0)
+    axes.set_xlabel(f"{len(methods)} methods, by declared order")
+    patches = [Patch(facecolor=c, edgecolor="0.6", linewidth=0.5, label=k) for k, c in KINDS.items()]
+    figure.legend(handles=patches, loc="outside upper center", ncols=len(KINDS))
+    return figure
 
 
-def _table(data: Data) -> Table | None:
-    found = rows_of(data, pairs)
-    if found is None:
-        return None
+@of(pairs)
+def _table(found: pd.DataFrame) -> Table | None:
     short = [(r.method, r.problem, c, why or "NOT EXPLAINED") for r in found.itertuples() for c, why in r.short]
     short.sort(key=lambda x: x[3] != "NOT EXPLAINED")
     above = found[found["above"]]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
@@ -14,7 +12,8 @@ from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.multiprecision import DIGITS, methods
 from phasebench.benchmarks.measure.orders import orders
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of, once
+from phasebench.benchmarks.page.page import ROWS, Data, Table, of, once
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.page.verdict import EVERY, NONE
 from phasebench.benchmarks.problems import scenes
@@ -54,46 +53,40 @@ def also_in_doubles(data: Data) -> str:
     return "" if said is None else f"; in double precision {said.n} of {said.of} is far below it"
 
 
-@of(TABLE)
-def _draw(frame: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(TABLE, "orders", "deviation of the measured orders")
+def _draw(frame: pd.DataFrame) -> tuple[style.Figure, str]:
     problems, known = list(dict.fromkeys(frame["problem"])), sorted(frame["declared"].unique())
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 3.2)
-        axes.axhspan(-GATE, GATE, color="0.92")
-        for k, problem in enumerate(problems):
-            part = frame[frame["problem"] == problem]
-            x = [known.index(d) + 0.8 * (k - (len(problems) - 1) / 2) / len(problems) for d in part["declared"]]
-            look = style.curve(k) | {"linestyle": "none", "markersize": 2.8, "alpha": 0.7}
-            axes.plot(x, (part["order"] - part["declared"]).clip(-0.3, 0.3), label=problem, **look)
-        axes.set_xticks(range(len(known)), [f"{d:g}" for d in known])
-        axes.set(xlabel="declared order", ylabel="measured − declared")
-        axes.axhline(0, color=style.GREY, linewidth=0.7)
-        style.legend_above(figure, axes, 4)
-    caption = (
+    figure, ((axes,),) = style.panels(1, 1, 3.2)
+    axes.axhspan(-GATE, GATE, color="0.92")
+    for k, problem in enumerate(problems):
+        part = frame[frame["problem"] == problem]
+        x = [known.index(d) + 0.8 * (k - (len(problems) - 1) / 2) / len(problems) for d in part["declared"]]
+        look = style.curve(k) | {"linestyle": "none", "markersize": 2.8, "alpha": 0.7}
+        axes.plot(x, (part["order"] - part["declared"]).clip(-0.3, 0.3), label=problem, **look)
+    axes.set_xticks(range(len(known)), [f"{d:g}" for d in known])
+    axes.set(xlabel="declared order", ylabel="measured − declared")
+    axes.axhline(0, color=style.GREY, linewidth=0.7)
+    style.legend_above(figure, axes, 4)
+    return figure, (
         f"Measured minus declared order of {len(frame)} pairs of a method and a problem in multiprecision; grey: "
         f"±{GATE}, within which an order is as declared; beyond ±0.3 it is drawn at the edge."
     )
-    return [Picture(style.save(figure, folder, "orders.png"), "deviation of the measured orders", caption)]
 
 
-def _whole(data: Data) -> pd.DataFrame | None:
-    found = in_doubles(data)
-    if found is None:
-        return None
+@of(in_doubles)
+def _whole(found: pd.DataFrame) -> pd.DataFrame:
     known = (found["points"] >= POINTS) & np.isfinite(found["half"].astype(float))
     told = [f"{r.order:.2f} ± {r.half:.2f}" for r in found.itertuples()]
     found = found.assign(measured=np.where(known, told, "no window"))
     return found[["method", "problem", "declared", "measured", "points", "h_first", "h_last"]]
 
 
-def _table(data: Data) -> Table | None:
-    found = in_doubles(data)
-    if found is None:
-        return None
+@of(in_doubles, _whole)
+def _table(found: pd.DataFrame, whole: pd.DataFrame) -> Table:
     seen = found[found["points"] >= POINTS]
     near, wide = seen["deviation"].abs() < GATE, seen["half"] > GATE
     off = seen[~near & ~wide].sort_values("deviation", key=abs, ascending=False)
-    shown = _whole(data).loc[off.index[:ROWS]].rename(columns={"h_first": "largest h", "h_last": "smallest h"})
+    shown = whole.loc[off.index[:ROWS]].rename(columns={"h_first": "largest h", "h_last": "smallest h"})
     caption = (
         f"In double precision {len(seen)} of {len(found)} pairs have {POINTS} steps above the noise: "
         f"{int(near.sum())} are within {GATE} of the declared order, {int((~near & wide).sum())} converge irregularly. "

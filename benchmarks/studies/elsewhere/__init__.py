@@ -15,7 +15,8 @@ import pandas as pd
 from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study, over
 from phasebench.benchmarks.store import elsewhere
 from phasebench.benchmarks.store.cells import ProblemKey, states
@@ -130,28 +131,27 @@ def packages(rows: pd.DataFrame) -> str:
     return join_list(list((rows["package"] + " (" + rows["language"] + ")").unique()), 3)
 
 
-@of(THEIRS, OURS)
-def draw(theirs: pd.DataFrame, ours: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(
+    (THEIRS, OURS), "elsewhere", "energy error against evaluations",
+    "Size of H − H₀ at the end against the evaluations: grey and hollow what was measured elsewhere, coloured this "
+    "suite's methods, run here.",
+)  # fmt: skip
+def draw(theirs: pd.DataFrame, ours: pd.DataFrame) -> style.Figure:
     """Energy errors at the end over evaluations: a panel for each of the first two files."""
     files = list(theirs["file"].unique())[:2]
-    with style.settings():
-        figure, (panels,) = style.panels(1, len(files), 4.2)
-        for axes, file in zip(panels, files, strict=True):
-            part, own = theirs[theirs["file"] == file], ours[(ours["file"] == file) & (ours["status"] == OK)]
-            names = list(part["method"].unique())
-            same = next((k for k, letters in enumerate(zip(*names, strict=False)) if len({*letters}) > 1), 0)
-            for side, first, grey in ((own, 0, {}), (part, same, {"color": "0.5", "mfc": "none", "lw": 0.7})):
-                for k, (name, runs) in enumerate(side.groupby("method", sort=False)):
-                    size = runs["energy_error"].abs().clip(lower=LEAST)
-                    axes.loglog(runs["evaluations"], size, label=name[first:], **(style.curve(k) | grey))
-            axes.set(xlabel="evaluations of the gradient", ylabel="|H − H₀| at the end", title=file)
-            axes.grid(color="0.93", linewidth=0.5)
-        style.legend_above(figure, panels[0], 4)
-    caption = (
-        "Size of H − H₀ at the end against the evaluations: grey and hollow what was measured elsewhere, coloured this "
-        "suite's methods, run here."
-    )
-    return [Picture(style.save(figure, folder, "elsewhere.png"), "energy error against evaluations", caption)]
+    figure, (panels,) = style.panels(1, len(files), 4.2)
+    for axes, file in zip(panels, files, strict=True):
+        part, own = theirs[theirs["file"] == file], ours[(ours["file"] == file) & (ours["status"] == OK)]
+        names = list(part["method"].unique())
+        same = next((k for k, letters in enumerate(zip(*names, strict=False)) if len({*letters}) > 1), 0)
+        for side, first, grey in ((own, 0, {}), (part, same, {"color": "0.5", "mfc": "none", "lw": 0.7})):
+            for k, (name, runs) in enumerate(side.groupby("method", sort=False)):
+                size = runs["energy_error"].abs().clip(lower=LEAST)
+                axes.loglog(runs["evaluations"], size, label=name[first:], **(style.curve(k) | grey))
+        axes.set(xlabel="evaluations of the gradient", ylabel="|H − H₀| at the end", title=file)
+        axes.grid(color="0.93", linewidth=0.5)
+    style.legend_above(figure, panels[0], 4)
+    return figure
 
 
 @of(THEIRS, OURS)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
-from phasebench.benchmarks.page.shared import worst
+from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture, together, worst
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
 from phasebench.benchmarks.page.verdict import at_least, at_most
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey, states
@@ -130,9 +128,12 @@ def _table(rules: pd.DataFrame, stages: pd.DataFrame, ends: pd.DataFrame, costs:
     return Table(pd.DataFrame(rows[:ROWS], columns=["option", "scene", "best setting", "gives", "costs"]), caption)
 
 
-@of(nodes.TABLE, arithmetic.ERRORS, solvers.TABLE)
-@style.styled
-def _draw(rules: pd.DataFrame, ends: pd.DataFrame, stages: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(
+    (nodes.TABLE, arithmetic.ERRORS), "options-floors", "nodes, sums and precision",
+    "Left: AVF's energy error over the nodes of its quadrature. Right: the round-off of Störmer–Verlet, as distance "
+    "from the same steps in long double.",
+)  # fmt: skip
+def _draw_floors(rules: pd.DataFrame, ends: pd.DataFrame) -> style.Figure:
     figure, ((left, right),) = style.panels(1, 2, 3.9)
     fixed = rules[rules["nodes"] != nodes.CONFIRMED]
     plot(left, fixed, ["scene", "h"], "nodes", "energy error", "{scene}, h = {h:g}")
@@ -141,14 +142,18 @@ def _draw(rules: pd.DataFrame, ends: pd.DataFrame, stages: pd.DataFrame, folder:
     right.set(xlabel="steps", ylabel="rms round-off at the end", title=arithmetic.METHOD, xscale="log", yscale="log")
     for axes in (left, right):
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.12), ncols=1, handlelength=3.0)
-    caption = (
-        "Left: AVF's energy error over the nodes of its quadrature. Right: the round-off of Störmer–Verlet, as "
-        "distance from the same steps in long double."
-    )
-    floors = Picture(style.save(figure, folder, "options-floors.png"), "nodes, sums and precision", caption)
+    return figure
+
+
+@picture(
+    solvers.TABLE, "options-solvers", "solving to a tolerance",
+    f"Error of {solvers.METHOD} against evaluations, its equations solved to tolerances from "
+    f"{max(solvers.TOLERANCES):g} to round-off: where a curve is level, a looser tolerance loses nothing.",
+)  # fmt: skip
+def _draw_solvers(stages: pd.DataFrame) -> style.Figure | None:
     shown = stages[(stages["status"] == OK) & (stages["start"] == solvers.FIVE) & (stages["solver"] != solvers.NEWTON)]
     if shown.empty:
-        return [floors]
+        return None
     figure, (panels,) = style.panels(1, shown["scene"].nunique(), 3.9, sharey=True)
     for axes, (scene, part) in zip(panels, shown.groupby("scene", sort=False), strict=True):
         part = part[part["h"] == part["h"].min()].replace({"solver": {solvers.ENGINE: "the integrator's own"}})
@@ -156,11 +161,7 @@ def _draw(rules: pd.DataFrame, ends: pd.DataFrame, stages: pd.DataFrame, folder:
         axes.set(xlabel="evaluations a step", title=scene, yscale="log")
     panels[0].set_ylabel("error at the end")
     style.legend_above(figure, panels[0], 3)
-    caption = (
-        f"Error of {solvers.METHOD} against evaluations, its equations solved to tolerances from "
-        f"{max(solvers.TOLERANCES):g} to round-off: where a curve is level, a looser tolerance loses nothing."
-    )
-    return [floors, Picture(style.save(figure, folder, "options-solvers.png"), "solving to a tolerance", caption)]
+    return figure
 
 
 def _needs(scene: str) -> tuple:
@@ -227,7 +228,7 @@ STUDY = Study(
         "ratio": Claim("Sums take a time", arithmetic.COSTS, "ratio > 0", where="{scene}"),
         "newton": Claim("Newton's method ends where the engine does", solvers.TABLE, newton, where="{scene}, h = {h}"),
     },
-    figure=_draw,
+    figure=together(_draw_floors, _draw_solvers),
     shown=_table,
     limits=(
         "Times are this machine's, medians of rounds taken in turns; those of a quadrature include storing every step.",

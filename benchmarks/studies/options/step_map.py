@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,8 @@ from phasebench.benchmarks import style
 from phasebench.benchmarks.ladder.choice import at
 from phasebench.benchmarks.measure.timing import NOWHERE, TIED, cheaper
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Data, Picture, Table, of, once
+from phasebench.benchmarks.page.page import ROWS, Data, Table, of, once
+from phasebench.benchmarks.page.shared import picture, together
 from phasebench.benchmarks.page.study import Claim, Runs, Study
 from phasebench.benchmarks.page.verdict import at_most
 from phasebench.benchmarks.store.cells import ALONE, ProblemKey, states
@@ -146,12 +146,12 @@ def _table(best: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame) -> Tabl
     return Table(pd.DataFrame(rows[:ROWS], columns=["option", "scene", "best setting", "gives", "costs"]), caption)
 
 
-@of(TABLE)
-def _whole(rungs: pd.DataFrame) -> pd.DataFrame:
-    return pd.concat([cheapest(rungs, option) for option in SETTINGS]).drop(columns="settings")
-
-
-def _draw_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder: Path) -> Picture:
+@picture(
+    (OFF, COSTS), "options-lambda", "error, cost and longest step over λ",
+    "From above: the largest error of the trajectory at fixed h, the gradients of a step, the longest step; "
+    "errors and steps over those at λ = 1/2 (dotted). Where an error is below 1, that λ is better than 1/2.",
+)  # fmt: skip
+def _draw_lambda(errors: pd.DataFrame, costs: pd.DataFrame) -> style.Figure:
     """Error, gradients a step and largest step over lambda: a column of panels for each scheme."""
     errors = errors[errors["finer"] == 1]
     figure, panels = style.panels(3, len(METHODS), 6.4, sharex=True, sharey="row")
@@ -176,11 +176,7 @@ def _draw_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder: Path) -> Pic
         first.set_title(method)
         last.set_xlabel("λ")
     style.legend_above(figure, panels[0, 0], 3)
-    caption = (
-        "From above: the largest error of the trajectory at fixed h, the gradients of a step, the longest step; "
-        "errors and steps over those at λ = 1/2 (dotted). Where an error is below 1, that λ is better than 1/2."
-    )
-    return Picture(style.save(figure, folder, "options-lambda.png"), "error, cost and longest step over λ", caption)
+    return figure
 
 
 def plot(axes: Axes, rows: pd.DataFrame, by: list[str], x: str, y: str, label: str) -> None:
@@ -190,10 +186,10 @@ def plot(axes: Axes, rows: pd.DataFrame, by: list[str], x: str, y: str, label: s
         axes.plot(part[x], part[y].clip(lower=SMALLEST), label=label.format_map(part.iloc[0]), **look)
 
 
-def _draw_ladders(parts: list[pd.DataFrame], legends: bool, folder: Path, *about: str) -> list[Picture]:
+def _ladders(parts: list[pd.DataFrame], legends: bool) -> style.Figure | None:
     """Errors over times, panels side by side with a legend each or one for all."""
     if not parts:
-        return []
+        return None
     figure, (panels,) = style.panels(1, len(parts), 3.9, sharey=True)
     for axes, part in zip(panels, parts, strict=True):
         arrived = part[(part["status"] == OK) & (part["error"] > 0)]
@@ -204,26 +200,25 @@ def _draw_ladders(parts: list[pd.DataFrame], legends: bool, folder: Path, *about
     panels[0].set_ylabel("error at the end")
     if not legends:
         style.legend_above(figure, panels[0], 3)
-    file, title, caption = about
-    return [Picture(style.save(figure, folder, file), title, caption)]
+    return figure
 
 
-@of(OFF, COSTS, TABLE)
-@style.styled
-def _draw(errors: pd.DataFrame, costs: pd.DataFrame, rungs: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(
+    TABLE, "options-orders", "orders",
+    "Error against time: left compositions of Störmer–Verlet of order 2 to 10, right generating functions to the "
+    "power r of h; the CSV has other scenes.",
+)  # fmt: skip
+def _draw_orders(rungs: pd.DataFrame) -> style.Figure | None:
     options = [rungs[rungs["knob"] == option] for option in (COMPOSITION, GENERATING)]
-    first = [part[part["scene"] == part["scene"].iloc[0]] for part in options if len(part)]
-    keepers = [part for _, part in usable(rungs, ENERGY).groupby("scene", sort=False)]
-    orders = (
-        "Error against time: left compositions of Störmer–Verlet of order 2 to 10, right generating functions to the "
-        "power r of h; the CSV has other scenes."
-    )
-    kept = f"Error of the end against time, of runs whose relative energy error is at most {KEPT:g}."
-    return [
-        _draw_lambda(errors, costs, folder),
-        *_draw_ladders(first, True, folder, "options-orders.png", "orders", orders),
-        *_draw_ladders(keepers, False, folder, "options-energy.png", "methods that keep the energy", kept),
-    ]
+    return _ladders([part[part["scene"] == part["scene"].iloc[0]] for part in options if len(part)], True)
+
+
+@picture(
+    TABLE, "options-energy", "methods that keep the energy",
+    f"Error of the end against time, of runs whose relative energy error is at most {KEPT:g}.",
+)  # fmt: skip
+def _draw_keepers(rungs: pd.DataFrame) -> style.Figure | None:
+    return _ladders([part for _, part in usable(rungs, ENERGY).groupby("scene", sort=False)], False)
 
 
 def _needs(knob: str, scene: str) -> tuple:
@@ -292,9 +287,9 @@ STUDY = Study(
         "fine": Claim("Every setting reaches small errors", TABLE, lambda rows: rows["error"].fillna(np.inf).groupby(
                       [rows[k] for k in ("knob", "scene", "setting")]).min(), at_most(1e-2)),
     },
-    figure=_draw,
+    figure=together(_draw_lambda, _draw_orders, _draw_keepers),
     shown=_table,
-    whole=_whole,
+    whole=of(TABLE)(lambda rungs: pd.concat([cheapest(rungs, o) for o in SETTINGS]).drop(columns="settings")),
     limits=(
         f"λ = 1/2 counts as best where its error is at most {SAME:g} times the smallest; λ is on a grid of "
         f"1/{lambdas.FINE}, its steps and gradients on one of 1/{lambdas.COARSE}.",

@@ -6,7 +6,6 @@ A scene is a problem, end time and quantity; a case is a scene at an accuracy.
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -17,7 +16,8 @@ from phasebench.benchmarks.ladder.competitors import SMALL, UNKNOWNS
 from phasebench.benchmarks.ladder.race import KEEP, LOSING, PREPARING
 from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
 from phasebench.benchmarks.page.markdown import join_list, number
-from phasebench.benchmarks.page.page import ROWS, Picture, Table, of
+from phasebench.benchmarks.page.page import ROWS, Table, of
+from phasebench.benchmarks.page.shared import picture
 from phasebench.benchmarks.page.study import Claim, Runs, Study, over
 from phasebench.benchmarks.page.verdict import at_least, at_most
 from phasebench.benchmarks.problems.questions import QUESTIONS
@@ -82,9 +82,8 @@ def _at(found: pd.DataFrame, accuracy: float) -> pd.DataFrame:
     return found[np.isclose(found["accuracy"], accuracy, rtol=SAME, atol=0)]
 
 
-@of(cases)
-@style.styled
-def _draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
+@picture(cases, "trade", "time of ours over the best peer's")
+def _draw(found: pd.DataFrame) -> tuple[style.Figure, str]:
     from matplotlib.colors import LinearSegmentedColormap
 
     decades = range(1, 14)
@@ -106,11 +105,10 @@ def _draw(found: pd.DataFrame, folder: Path) -> list[Picture]:
     axes.set_xlabel("error up to")
     axes.xaxis.set_label_position("top")
     scores = ["{}, {} and {} at {:g}".format(*counts(_at(found, a)), a) for a in SHOWN]
-    caption = (
+    return figure, (
         "Our best time over the best peer's. Blue: ours is faster; red: a peer; ours or peer: only that side "
         f"reaches the error. Scenes won by ours, by a peer, tied: {'; '.join(scores)}."
     )
-    return [Picture(style.save(figure, folder, "trade.png"), "time of ours over the best peer's", caption)]
 
 
 def _cell(row: dict) -> str:
