@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import statistics
-import time
-from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks import style
+from phasebench.benchmarks.measure.timing import clock
 from phasebench.benchmarks.page.page import ROWS, Table, of
 from phasebench.benchmarks.page.shared import most, picture
 from phasebench.benchmarks.page.study import Claim, Number, Runs, Study
@@ -65,14 +64,8 @@ def measure(problem: str, method: str, h: float) -> dict:
         "invariant error": float(np.abs(value - value[0]).max()),
         "invariant is kept": bool(np.abs(value - value[0]).max() < UNITS * np.finfo(float).eps * abs(value[0])),
         "evaluations per step": s.counts["gradient"] / steps,
-        "seconds": statistics.median(_seconds(lambda: run(s.h, steps)) for _ in range(REPEATS)),
+        "seconds": statistics.median(clock(lambda: run(s.h, steps))() for _ in range(REPEATS)),
     }
-
-
-def _seconds(run: Callable[[], object]) -> float:
-    begin = time.perf_counter()
-    run()
-    return time.perf_counter() - begin
 
 
 @picture(

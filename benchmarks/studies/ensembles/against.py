@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.ladder.choice import SPAN, at
-from phasebench.benchmarks.measure.timing import NOWHERE, Median, cheaper, median, time_in_turns
+from phasebench.benchmarks.measure.timing import NOWHERE, Median, cheaper, columns, median, time_in_turns
 from phasebench.benchmarks.page.page import once
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.store.cells import Unavailable
@@ -131,10 +131,9 @@ def against(problem: str) -> list[dict]:
     for rung in in_order(errors):
         peer = rung.kind == "tol"
         orbits = JUDGED if peer else ORBITS
-        cost = median(1e6 * seconds[rung] / orbits)
         row = {"integrator": rung.who, "side": "heyoka" if peer else "ours", "t_end": T_END}
         row |= {"h": None if peer else rung.value, "tol": rung.value if peer else None, "error": errors[rung]}
-        rows.append(row | {"us": cost.value, "us, low": cost.low, "us, high": cost.high, "orbits": orbits})
+        rows.append(row | columns("us", median(1e6 * seconds[rung] / orbits)) | {"orbits": orbits})
     return rows
 
 

@@ -6,14 +6,13 @@ the cores can give is measured by a compiled loop that needs no main memory and 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numba import types
 
-from phasebench.benchmarks.measure.timing import Median, in_turns, median, ratio, time_in_turns
+from phasebench.benchmarks.measure.timing import Median, clock, columns, in_turns, median, ratio, time_in_turns
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.store.cells import ProblemKey
@@ -64,39 +63,26 @@ def costs(problem: str, method: str) -> dict:
     """Nanoseconds of an orbit's step by the scalar kernel, in an ensemble on one core and on all; ends compared."""
     row = {"in lanes": False, "cores": cores(), "status": "ok"}
     if method == BARE:
-        return row | _with_interval("speed-up", speed_up(cores(), ROUNDS))
+        return row | columns("speed-up", speed_up(cores(), ROUNDS))
     made, (chosen, steps, n) = problem_of(problem), CASES[problem, method]
     Q, P = starts(made, n)
 
     def ensemble(threads: int) -> Callable[[], float]:
-        return lambda: integrate_ensemble(made, chosen, Q, P, h=H, steps=steps, threads=threads).seconds / (n * steps)
+        return lambda: integrate_ensemble(made, chosen, Q, P, h=H, steps=steps, threads=threads).seconds / n
 
     first = integrate_ensemble(made, chosen, Q, P, h=H, steps=steps)  # compiles, and is compared
     single = warm(made, chosen, h=H, steps=steps)
-    times = in_turns({"scalar": _clock(single, steps), "one": ensemble(1), "all": ensemble(cores())}, ROUNDS)
+    times = in_turns({"scalar": clock(single), "one": ensemble(1), "all": ensemble(cores())}, ROUNDS)
     row = {"orbits": n, "steps": steps, "h": H, "in lanes": bool(first.in_lanes.all()), "cores": cores()}
     for key, column in (("scalar", "ns scalar"), ("one", "ns ensemble"), ("all", "ns all cores")):
-        row |= _with_interval(column, median(1e9 * times[key]))
-    row |= _with_interval("gain", ratio(times["scalar"], times["one"]))
-    row |= _with_interval("speed-up", ratio(times["one"], times["all"]))
+        row |= columns(column, median(1e9 / steps * times[key]))
+    row |= columns("gain", ratio(times["scalar"], times["one"]))
+    row |= columns("speed-up", ratio(times["one"], times["all"]))
     alone = integrate_ensemble(made, chosen, Q[:COMPARED], P[:COMPARED], h=H, steps=steps, lanes=False)
     away = np.abs(np.hstack([first.q, first.p])[: len(alone)] - np.hstack([alone.q, alone.p])).max(axis=1)
     stopped = sorted({*first.status.tolist()} - {"ok"})
     row |= {"compared": len(alone), "to the last bit": int((away == 0).sum()), "largest difference": float(away.max())}
     return row | {"status": stopped[0] if stopped else "ok"}
-
-
-def _clock(run: Callable[[], object], steps: int) -> Callable[[], float]:
-    def seconds() -> float:
-        began = time.perf_counter()
-        run()
-        return (time.perf_counter() - began) / steps
-
-    return seconds
-
-
-def _with_interval(column: str, value: Median) -> dict:
-    return {column: value.value, f"{column}, low": value.low, f"{column}, high": value.high}
 
 
 def _leapfrog(state: np.ndarray, steps: int, h: float) -> None:

@@ -9,9 +9,9 @@ the model's own reference, those of the full model against the true solution.  T
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ import numpy as np
 
 from phasebench.benchmarks.measure import named_quantities, quantities
 from phasebench.benchmarks.measure.quantities import Quantity, distance
-from phasebench.benchmarks.measure.timing import in_turns, median
+from phasebench.benchmarks.measure.timing import clock, columns, in_turns, median
 from phasebench.benchmarks.measure.truths import truth
 from phasebench.benchmarks.problems.models.ladder import Ladder, Rung
 from phasebench.benchmarks.problems.models.ladders import BY_ID
@@ -107,18 +107,10 @@ class Model:
 
         A short run is repeated, and the mean is returned.
         """
-        run, h = self.runs[id], self.h(steps)
-        began = time.perf_counter()
-        run(h, steps)
-        repeats = 1 + int(LONG / (time.perf_counter() - began))
-
-        def seconds() -> float:
-            started = time.perf_counter()
-            for _ in range(repeats):
-                run(h, steps)
-            return (time.perf_counter() - started) / repeats
-
-        return seconds
+        run = partial(self.runs[id], self.h(steps), steps)
+        repeats = 1 + int(LONG / clock(run)())
+        often = clock(lambda: [run() for _ in range(repeats)])
+        return lambda: often() / repeats
 
 
 def prepare_model(ladder: Ladder, rung: Rung, full: Problem) -> Model:
@@ -180,6 +172,5 @@ def models_of(scene: str) -> dict[str, list[dict]]:
                 runs.append({"scene": scene, "rung": k, "method": name, "steps": n, "error": max(error, noise)})
                 work[len(runs) - 1] = model.clock(name, n)
     for i, seconds in in_turns(work, ROUNDS).items():
-        found = median(seconds)
-        runs[i] |= {"seconds": found.value, "seconds, low": found.low, "seconds, high": found.high}
+        runs[i] |= columns("seconds", median(seconds))
     return {MODELS: rows, RUNS: runs}
