@@ -188,12 +188,12 @@ def plot(axes: Axes, rows: pd.DataFrame, by: list[str], x: str, y: str, label: s
 
 def _ladders(parts: list[pd.DataFrame], legends: bool) -> style.Figure | None:
     """Errors over times, panels side by side with a legend each or one for all."""
+    parts = [part for part in (part[(part["status"] == OK) & (part["error"] > 0)] for part in parts) if len(part)]
     if not parts:
         return None
     figure, (panels,) = style.panels(1, len(parts), 3.9, sharey=True)
     for axes, part in zip(panels, parts, strict=True):
-        arrived = part[(part["status"] == OK) & (part["error"] > 0)]
-        plot(axes, arrived, ["setting"], "us", "error", "{setting}")
+        plot(axes, part, ["setting"], "us", "error", "{setting}")
         axes.set(xlabel="µs to the end", title=part["scene"].iloc[0], xscale="log", yscale="log", ylim=(1e-14, 10))
         if legends:
             axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.12), ncols=2, handlelength=3.0)
