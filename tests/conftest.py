@@ -1,7 +1,4 @@
-"""Fixtures and hooks of the tests.
-
-Some results are computed without compilation: in a subprocess, unless compilation is off in this process, too.
-"""
+"""Fixtures and hooks of the tests; some results are computed without compilation, in a subprocess."""
 
 from __future__ import annotations
 
@@ -13,13 +10,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import atexit
-import contextlib
 import ctypes
 import functools
 import gc
-import io
 import json
-import runpy
 import shutil
 import signal
 import subprocess
@@ -29,8 +23,7 @@ from pathlib import Path
 
 import pytest
 
-from phasebench.integrators.compile import codegen, preparation
-from support import lazily
+from phasebench.integrators.compile import preparation
 
 HERE = Path(__file__).resolve().parent
 
@@ -113,21 +106,12 @@ def _run_uncompiled(script: str, *arguments: str):
     return json.loads(done.stdout.splitlines()[-1])["result"] if done.returncode == 0 else done.stderr
 
 
-@functools.cache
-def _here(script: str, *arguments: str):
-    """Run a script of tests/ in this process, where compilation is off; return the result that it prints as JSON."""
-    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as printed:
-        patch.setattr(sys, "argv", [script, *arguments])
-        runpy.run_path(str(HERE / script), run_name="__main__")
-    return json.loads(printed.getvalue().splitlines()[-1])["result"]
-
-
 def _result(script: str, *arguments: str):
     """Run a script of tests/ without compilation and return the result that it prints.
 
     Raises AssertionError, with the script's error output, if it failed.
     """
-    result = _run_uncompiled(script, *arguments) if codegen.compiled() else _here(script, *arguments)
+    result = _run_uncompiled(script, *arguments)
     assert not isinstance(result, str), f"{script} {' '.join(arguments)} failed:\n{result}"
     return result
 
@@ -148,26 +132,8 @@ def importable(monkeypatch):
 
 @pytest.fixture(scope="session")
 def uncompiled():
-    """A function (script, arguments) -> the result that a script of tests/ prints with NUMBA_DISABLE_JIT=1.
-
-    In a subprocess each script runs only once per session.
-    """
+    """A function (script, arguments) -> the result that a script of tests/ prints without compilation, run once."""
     return _result
-
-
-@pytest.fixture(scope="session")
-def of_each(uncompiled):
-    """A function that maps a module of `support` to a function: label of a method -> result of the module's ``of``.
-
-    The module is run as a script without compilation, for all labels at once; in a process without compilation only the
-    requested label is computed.
-    """
-
-    def function(module):
-        script = f"support/{Path(module.__file__).name}"
-        return uncompiled(script).get if codegen.compiled() else module.of
-
-    return function
 
 
 #: Measurements that one test file uses together, taken in one subprocess.
@@ -185,4 +151,4 @@ def measured():
 
     The systems on which methods are measured are those of `support.exact`.
     """
-    return _measure if codegen.compiled() else functools.cache(lazily.lazy_measurements)
+    return _measure

@@ -35,7 +35,6 @@ from phasebench.integrators.families import splitting
 from phasebench.integrators.stepping import kernel, newton
 from phasebench.integrators.systems import deferred
 from phasebench.integrators.values import vector
-from support.marks import compiled
 
 SEVERAL = b"text of a function\n" * 50
 SIGNATURE = types.float64(types.float64)
@@ -149,7 +148,6 @@ def test_machine_code_is_keyed_by_the_code_of_what_it_calls(place, monkeypatch):
     assert all(__name__ in modules for modules in asked)
 
 
-@compiled
 def test_a_function_for_all_kernels_is_keyed_by_its_own_code(place, monkeypatch):
     """Its machine code is made in an intrinsic, which names nothing of it: a changed solver was taken for the old."""
     make = partial(machine.Function, newton.newton, newton.SIGNATURE, vector.TUPLES, "newton")

@@ -23,7 +23,6 @@ from phasebench.integrators.section import section
 from phasebench.integrators.stepping import orbit_lanes
 from phasebench.integrators.stepping.orbit_lanes import LANES
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
-from support.marks import compiled
 
 #: One more than a block of lanes, so that the last block is incomplete.
 N = LANES.n + 1
@@ -71,7 +70,6 @@ CASES = [
 ]
 
 
-@compiled
 @pytest.mark.processor
 @pytest.mark.parametrize(("name", "id", "parameters"), CASES)
 def test_a_lane_equals_the_scalar_kernel_bit_by_bit(name, id, parameters):
@@ -170,7 +168,6 @@ def test_an_initial_state_outside_the_domain_is_invalid():
     assert integrate_ensemble(free, "rk4", [[1.0]], [[0.0]], h=0.1, steps=2).status.tolist() == ["ok"]
 
 
-@compiled
 def test_orbits_go_in_lanes_if_they_can_and_are_enough():
     for n, lanes, expected in ((batches.ENOUGH, None, True), (batches.ENOUGH - 1, None, False), (1, True, True)):
         Q = np.ones((n, 1))

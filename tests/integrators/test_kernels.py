@@ -25,7 +25,6 @@ from phasebench.integrators.records.projection import projection_method
 from phasebench.integrators.registry import BY_ID, METHODS, method
 from phasebench.integrators.stepping import kernel as stepping
 from support import counts, plain, stiff, stops
-from support.marks import compiled
 from support.one_of_each import FIRST, kinds
 from support.plain import systems_for
 from support.slips import leaves, replace_at
@@ -59,7 +58,6 @@ def test_end_states_are_the_stored_ones(there):
 
 @pytest.mark.parametrize("label", plain.KINDS)
 def test_compiled_and_uncompiled_runs_agree(there, label):
-    assert codegen.compiled()
     names = [name for name in there[label] if name in plain.NAMES] or [*there[label]][:1]
     assert plain.apart(plain.ends(plain.KINDS[label], names), {name: there[label][name] for name in names}) == []
 
@@ -71,7 +69,6 @@ def test_control_another_coefficient_ends_elsewhere(label):
     assert plain.apart(plain.ends(replace(m, data=replace_at(m.data, path, x * (1 + 1e-9)))), plain.stored()[label])
 
 
-@compiled
 @pytest.mark.parametrize(
     "id", ["dop853", "symplectic-euler-q", "implicit-midpoint", "scheme-ii", "avf", "variational-lobatto-3"]
 )
@@ -180,9 +177,9 @@ EXPLICIT_ONES = {"variational-trapezoidal", "stormer-verlet-adaptive"}
 
 
 @pytest.mark.parametrize("label", counts.ALL)
-def test_counts_are_those_of_the_calls(of_each, label):
+def test_counts_are_those_of_the_calls(uncompiled, label):
     """Of the solution as of the kernel; only long steps need Newton's method."""
-    family, found = counts.ALL[label].family, of_each(counts)(label)
+    family, found = counts.ALL[label].family, uncompiled("support/counts.py")[label]
     varying = family in ("adaptive", "field")  # a solution counts steps of length h, a kernel those it took
     explicit = family in EXPLICIT or label in EXPLICIT_ONES
     assert len(found) > (label in stiff.METHODS)
@@ -209,8 +206,9 @@ def test_what_is_solved_is_counted_as_iterations(id, name):
 
 
 @pytest.mark.parametrize("label", stops.ALL)
-def test_a_run_ends_alike_for_any_spacing_of_rows(of_each, label):
-    (status, reached, evaluations, states), *others = (of_each(stops)(label)[every] for every in ("1", "5", "0"))
+def test_a_run_ends_alike_for_any_spacing_of_rows(uncompiled, label):
+    found = uncompiled("support/stops.py")[label]
+    (status, reached, evaluations, states), *others = (found[every] for every in ("1", "5", "0"))
     whole = status in ("ok", "inaccurate", "unstable", "no-root")  # a step without a root does not end a run
     assert whole == (reached == stops.STEPS)
     for (end, steps, more, rows), fewer in zip(others, (5 * (reached // 5), 0), strict=True):
@@ -219,8 +217,9 @@ def test_a_run_ends_alike_for_any_spacing_of_rows(of_each, label):
         assert status == "diverged" or more == evaluations  # an overflow is noticed only at a stored row
 
 
-def test_every_kind_of_end_occurs(of_each):
-    assert {of_each(stops)(x)["1"][0] for x in stops.ALL} >= {"ok", "unstable", "diverged", "not-converged"}
+def test_every_kind_of_end_occurs(uncompiled):
+    found = {ends["1"][0] for ends in uncompiled("support/stops.py").values()}
+    assert found >= {"ok", "unstable", "diverged", "not-converged"}
 
 
 # -- no allocation -----------------------------------------------------------------------------------------------------
@@ -297,32 +296,32 @@ BOUND = 1e-12
 
 
 @pytest.fixture(scope="module")
-def results_of(of_each):
-    """Function: label of a method -> its results from `support.stiff.of`, runs with steps solved by Newton's method."""
-    return of_each(stiff)
+def results(uncompiled):
+    """Method's label -> its results of `support.stiff.of`, runs with steps solved by Newton's method."""
+    return uncompiled("support/stiff.py")
 
 
 @pytest.mark.parametrize("label", stiff.METHODS)
-def test_doubles_and_multiprecision_solve_the_same_equations(results_of, label):
-    found = results_of(label)
+def test_doubles_and_multiprecision_solve_the_same_equations(results, label):
+    found = results[label]
     assert found["steps"] == 3 * [stiff.STEPS]
     assert min(found["newton"]) >= stiff.STEPS
     assert found["apart"] < BOUND
 
 
 @pytest.mark.parametrize("label", [label for label, m in stiff.METHODS.items() if m.symmetric])
-def test_symmetric_methods_return(results_of, label):
-    assert results_of(label)["back"] < BOUND
+def test_symmetric_methods_return(results, label):
+    assert results[label]["back"] < BOUND
 
 
 @pytest.mark.parametrize("label", [label for label, m in stiff.METHODS.items() if m.energy == ROUND_OFF])
-def test_energy_is_conserved_where_declared(results_of, label):
-    assert results_of(label)["energy"] < BOUND
+def test_energy_is_conserved_where_declared(results, label):
+    assert results[label]["energy"] < BOUND
 
 
-def test_control_other_methods_neither_return_nor_conserve_energy(results_of):
-    assert results_of("implicit-euler")["back"] > 0.1
-    assert results_of("implicit-midpoint")["energy"] > 0.01
+def test_control_other_methods_neither_return_nor_conserve_energy(results):
+    assert results["implicit-euler"]["back"] > 0.1
+    assert results["implicit-midpoint"]["energy"] > 0.01
 
 
 def test_every_family_is_tested():

@@ -24,10 +24,9 @@ from phasebench.integrators.values import elementary, lane_formulae
 from phasebench.integrators.values.lanes import put, take
 from phasebench.integrators.values.masks import broadcast_like, count, fails, number, retire_lanes, select, where
 from phasebench.integrators.values.vector import TUPLES
-from support.marks import compiled
 from support.solutions import rough_end
 
-pytestmark = [pytest.mark.processor, compiled]
+pytestmark = pytest.mark.processor
 WIDTH = 8
 LIKE = (0.0,) * WIDTH
 RANDOM = np.random.default_rng(0)

@@ -11,7 +11,7 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, driver, integrate, integrate_ensemble, prepare, request
-from phasebench.integrators.compile.codegen import MULTIPRECISION, compiled, precision, to_number
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, to_number
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.request import MOST, check_timeout, grid, initial, spacing
 from phasebench.integrators.section import section
@@ -148,7 +148,8 @@ def test_ensembles_sections_and_prepared_runs_go_back():
     made, n = problem("henon-heiles"), LANES.n + 1
     Q, P = np.array([[0.0, 0.1 + 0.01 * k] for k in range(n)]), np.tile([0.3, 0.1], (n, 1))
     ahead, back = (integrate_ensemble(made, "stormer-verlet", Q, s * P, h=0.1, t_end=s * 20.0) for s in (1, -1))
-    assert back.in_lanes.all() == ahead.in_lanes.all() == compiled()
+    assert back.in_lanes.all()
+    assert ahead.in_lanes.all()
     assert (back.t == -ahead.t).all()
     np.testing.assert_allclose([back.q, -back.p], [ahead.q, ahead.p], atol=1e-12)
     times = {

@@ -53,24 +53,19 @@ def test_starts_use_only_known_steps_of_their_equation():
         assert solve.predict_number(numbers, 1, 3, known) == pytest.approx(alike, rel=1e-14)
 
 
-def equation(f):
-    """Compile a function whose result is a vector, for use as an equation x = G(x)."""
-    return njit(f) if codegen.compiled() else lambda *arguments: np.array(f(*arguments))
-
-
-@equation
+@njit
 def affine(x, arguments):
     """Two independent affine equations with contraction factors ``factor`` and -``factor`` / 2."""
     factor, constant = arguments
     return (factor * x[0] + constant, -0.5 * factor * x[1] + constant)
 
 
-@equation
+@njit
 def no_solution(x, arguments):
     return (x[0] * x[0] + 1.0, x[1])
 
 
-@equation
+@njit
 def infinite(x, arguments):
     return (np.nan, x[1])
 
@@ -81,7 +76,7 @@ def of_one(x, g, arguments):
     return 1.0, 1.0
 
 
-@equation
+@njit
 def of_their_size(x, g, arguments):
     return abs(x[0]) + abs(g[0]), abs(x[1]) + abs(g[1])
 
@@ -120,7 +115,7 @@ def test_equations_without_a_solution_are_not_solved():
 UNIT = 2.0**-40
 
 
-@equation
+@njit
 def in_two_units(x, arguments):
     return (3 * np.cos(x[1] / UNIT), 3 * UNIT * np.sin(x[0]))
 
@@ -137,7 +132,7 @@ def test_difference_steps_follow_the_scales(lengths, solved):
     assert not solved or np.abs(np.subtract(x, in_two_units(x, (0.0,))) / (1, UNIT)).max() < 1e-13
 
 
-@equation
+@njit
 def near_zero(x, arguments):
     return (30.0 * x[0] - 29.0 if abs(x[0]) < 10 else np.nan, 0.5 * x[1])
 

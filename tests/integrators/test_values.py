@@ -29,7 +29,6 @@ from phasebench.integrators.values import vector
 from phasebench.integrators.values.fma import exact_fma, fma
 from phasebench.integrators.values.lanes import put, take
 from phasebench.integrators.values.vector import ARRAYS, TUPLES
-from support.marks import compiled
 from support.solutions import last
 from support.systems import chain
 
@@ -62,7 +61,7 @@ def check(found, d):
 def test_operations_equal_those_of_numpy(d):
     A = np.array([X, Y])
     check(each(X[:d], Y[:d], C[:d], A), d)
-    if codegen.compiled() and d in (5, 31):  # Python builds tuples of more than 30 items differently
+    if d in (5, 31):  # Python builds tuples of more than 30 items differently
         check(numba.njit(**ARRAYS)(each)(X[:d].copy(), Y[:d].copy(), C[:d].copy(), A), d)
         check(numba.njit(**TUPLES)(each)(*(tuple(z[:d]) for z in (X, Y, C)), A), d)
 
@@ -133,7 +132,6 @@ def _exact(a, x, y, out):
         put(out, i + 1, exact_fma(-take(a, i + 1, LIKE), take(x, i + 1, LIKE), 1.0), LIKE)
 
 
-@compiled
 def test_exact_fma_rounds_once_on_every_processor():
     """Numbers, and lanes with a number; the control rounds the product before it is added."""
     a, x, y = np.random.default_rng(2).normal(size=(3, 20, WIDTH))
@@ -167,7 +165,6 @@ def end(d, id, kind):
     return [*q, *p], run.counts
 
 
-@compiled
 @pytest.mark.processor
 @pytest.mark.parametrize("id", FAMILY)
 def test_arrays_in_place_and_tuples_agree_bit_by_bit(id, monkeypatch):
@@ -248,7 +245,6 @@ def test_runs_on_tuples_as_the_registered_method(pair):
     assert np.abs(ends[0] - other).max() > 1e-3  # the comparison can fail
 
 
-@compiled
 def test_runs_on_arrays_as_the_registered_method(pair):
     system, n = chain(codegen.TUPLE_LIMIT + 2), codegen.TUPLE_LIMIT + 2
     q0, p0 = np.sin(np.arange(n)), np.zeros(n)
