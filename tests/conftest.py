@@ -39,12 +39,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 #: The slowest files, run first so that the workers finish together. The first one compiles the kernels of every family;
-#: those up to "test_adjoint" compile few or none, and later files load what is in the cache.
+#: those up to "test_studies" compile few or none, and later files load what is in the cache.
 LONGEST = (
     "test_kernels",
     "test_orders",
     "test_studies",
-    "test_adjoint",
     "test_audit",
     "test_problems",
     "test_warm",

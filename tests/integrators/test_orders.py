@@ -1,12 +1,14 @@
-"""Orders, symplecticity, volume and the effect of each coefficient, in multiprecision, of a method of each kind."""
+"""Orders, symplecticity, volume, symmetry, each coefficient's effect, in multiprecision, of a method of each kind."""
 
 from __future__ import annotations
+
+from fractions import Fraction
 
 import mpmath
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.measure.battery import NON_SEPARABLE, expected_order, systems
+from phasebench.benchmarks.measure.battery import NON_SEPARABLE, by_label, expected_order, systems, variants
 from phasebench.benchmarks.measure.declared import least_visible
 from phasebench.benchmarks.measure.multiprecision import CELLS, observed_order
 from phasebench.benchmarks.measure.step_map import determinant, volume
@@ -14,7 +16,7 @@ from phasebench.integrators.coefficients.table import value
 from phasebench.integrators.coefficients.trees import DIGITS, order_residual, vector
 from phasebench.integrators.records import projection
 from phasebench.integrators.registry import BY_ID, METHODS, method
-from support.exact import ALL, SAME_KIND, VISIBLE, cells, numbers
+from support.exact import ALL, RECORDS, SAME_KIND, VISIBLE, cells, numbers
 from support.slips import MOST, leaves
 
 TOLERANCE = 0.1
@@ -116,6 +118,42 @@ def test_determinants_and_volumes_of_known_maps():
     defect, noise = volume(lambda y: np.array([2 * y[0] + y[1] ** 2, y[1] / 2]), np.array([0.3, 0.4]), 1e-3, 2e-3)
     assert max(defect, noise) < 1e-12
     assert volume(lambda y: y * 1.1, np.array([0.3, 0.4]), 1e-3)[0] == pytest.approx(0.21, rel=1e-9)
+
+
+# -- adjoints and symmetry: a step h, then a step -h of the adjoint, returns to the start -----------------------------
+
+#: Bound on the distance from the start.
+RETURNED = 1e-30
+#: Methods with lambda that are not symmetric; the adjoint of a symmetric method is itself.
+WITH_LAMBDA = [label for label, m in by_label(variants()).items() if "lam" in m.parameters and not m.symmetric]
+
+
+@pytest.mark.parametrize("label", [label for label, m in ALL.items() if m.one_step and m.symmetric])
+def test_symmetric_methods_return(measured, label):
+    distances = numbers(measured("symmetry")[label])
+    assert max(distances.values()) < min(RETURNED, least_visible(label, "symmetry")), distances
+
+
+@pytest.mark.parametrize("label", [label for label, m in ALL.items() if not m.symmetric])
+def test_control_other_methods_do_not_return(measured, label):
+    distances = numbers(measured("symmetry")[label])
+    assert max(distances.values()) > least_visible(label, "symmetry"), distances
+
+
+@pytest.mark.parametrize("label", WITH_LAMBDA)
+def test_the_adjoint_of_lambda_is_one_minus_lambda(measured, label):
+    rows = measured("adjoint")[label]
+    assert rows
+    for name, row in rows.items():
+        assert row["adjoint"] < RETURNED, f"{name}: {row}"
+        assert row["itself"] > VISIBLE, f"{name}, the control: {row}"
+
+
+def test_the_adjoint_of_scheme_i_has_one_minus_lambda():
+    for lam in (Fraction(-1), Fraction(1, 3), Fraction(3, 2)):
+        adjoint = RECORDS[f"scheme-i-adjoint(lam={lam})"]
+        assert adjoint.data == RECORDS["scheme-i(lam=1/3)"](lam=1 - lam).data
+        assert adjoint.data != RECORDS["scheme-i(lam=1/3)"](lam=lam).data
 
 
 # -- each coefficient -------------------------------------------------------------------------------------------------

@@ -16,7 +16,6 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import adaptive
 from phasebench.integrators.systems import singularities
 from phasebench.integrators.systems.transformed import TransformedHamiltonian, distance_scale
-from support.values import value
 
 
 def of(V, **options):
@@ -119,7 +118,7 @@ def test_the_step_density_handles_signed_distances():
     system = of("1/(x - 2)**2")
     monitor = adaptive.monitor(system, DOUBLE)
     q, p, force, dt = np.array([1.5, 0.6]), np.array([0.7, -0.3]), np.array([-16.0, 0.0]), 1e-5
-    before, now, after = (monitor(value(*(q + k * dt * p)), value(*(p + k * dt * force))) for k in (-1, 0, 1))
+    before, now, after = (monitor(tuple(q + k * dt * p), tuple(p + k * dt * force)) for k in (-1, 0, 1))
     rate, second = 0.7 / 0.5, 16 / 0.5  # of x - 2, over it
     density = np.sqrt(np.sqrt(0.5**-6 + second**2) + rate**2)
     assert now[0] == pytest.approx(density, rel=1e-14)

@@ -17,7 +17,6 @@ from phasebench.reference.certificates.along import Precision, along
 from phasebench.reference.solvers import gauss, taylor
 from phasebench.reference.solvers.exact import exact
 from support.commands import call
-from support.references import spoilt
 
 #: Orbit -> whether its horizon is before its end.
 HORIZONS = {
@@ -33,6 +32,12 @@ ORBIT = "schwarzschild:photon-sphere"
 def halves(z):
     """(q, p) of a state z = (q, p)."""
     return z[: len(z) // 2], z[len(z) // 2 :]
+
+
+def spoilt(text: str, place: int = 20) -> str:
+    """Return a decimal string with one decimal, the 20th or the one at ``place``, changed by 5."""
+    at = text.index(".") + place
+    return f"{text[:at]}{(int(text[at]) + 5) % 10}{text[at + 1 :]}"
 
 
 # -- what is stored ---------------------------------------------------------------------------------------------------

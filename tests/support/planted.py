@@ -6,8 +6,9 @@ from phasebench.integrators.registry import method
 from phasebench.reference.peers.record import Claims, Peer, Run, Task
 
 
-def as_peer(record) -> Peer:
-    """Wrap a `Method` as the record of a peer (another package's integrator) that claims what the method declares."""
+def control(id: str) -> Peer:
+    """The method with this id as the record of a peer, another package's integrator, that claims what it declares."""
+    record = method(id)
 
     def run(task: Task) -> Run:
         from phasebench.integrators.driver import integrate
@@ -30,8 +31,3 @@ def as_peer(record) -> Peer:
         claims=Claims(record.order, record.symplectic, record.symmetric, record.energy, "the registry of methods"),
         load=lambda name: None,
     )
-
-
-def control(id: str) -> Peer:
-    """Return the method of this project with this id, wrapped as a peer (another package's integrator)."""
-    return as_peer(method(id))
