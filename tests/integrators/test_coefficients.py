@@ -40,18 +40,21 @@ from phasebench.integrators.coefficients.polish import (
     polish,
     starting_values,
 )
-from phasebench.integrators.coefficients.quadrature import gauss_legendre, gauss_lobatto
 from phasebench.integrators.coefficients.table import Table, is_exact, unit, value
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records import compositions, splittings
 from phasebench.integrators.registry import method
-from support.solutions import apart
 
 #: Leapfrog with a wrong digit in its kick.
 MADE_UP = Table("made-up", "splitting", (2,), "made up", (), a=("1",), b=("0.50000001",))
 ROUND_OFF, ERROR = mpmath.mpf("1e-50"), mpmath.mpf("1e-12")
 EVERY = [t for t in BY_NAME.values() if not t.printed]
 each = pytest.mark.parametrize("table", EVERY, ids=lambda t: t.name)
+
+
+def apart(a, b):
+    """The largest difference of two sequences, entry by entry."""
+    return max(abs(x - y) for x, y in zip(a, b, strict=True))
 
 
 @pytest.fixture(autouse=True)
@@ -145,18 +148,6 @@ def test_closed_forms_and_other_programs():
     for n, c in known.items():
         first, *_, last = steps(f"sabac-{n}")
         assert float(first[2] + last[2]) == pytest.approx(c, rel=1e-15)
-
-
-@pytest.mark.parametrize("n", range(2, 11))
-def test_saba_and_sbab_kick_at_the_nodes_of_gauss_and_lobatto(n):
-    for name, rule in ((f"saba-{n}", gauss_legendre(n, 55)), (f"sbab-{n}", gauss_lobatto(n + 1, 55))):
-        at, found = mpmath.mpf(0), []
-        for letter, weight in steps(name):
-            if letter == "A":
-                at += weight
-            else:
-                found += [at, weight]
-        assert apart(found, [x for pair in sorted(rule) for x in pair]) < ROUND_OFF
 
 
 @pytest.mark.parametrize("table", GROUPS["processed"], ids=lambda t: t.name)

@@ -14,8 +14,8 @@ from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import dop853, quadrature, tableaus
 from phasebench.integrators.coefficients.trees import DIGITS, order_residual, trees
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.families import collocation, path_lanes
 from phasebench.integrators.families import equip as gauss_equip
+from phasebench.integrators.families import path_lanes
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.collocation import METHODS
 from phasebench.integrators.registry import method
@@ -29,20 +29,6 @@ BOX = problem("henon-heiles:box")
 
 
 # -- coefficients -----------------------------------------------------------------------------------------------------
-
-RULES = {quadrature.gauss_legendre: 1, quadrature.radau_right: 2, quadrature.gauss_lobatto: 3}
-
-
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
-@pytest.mark.parametrize("n", [3, 8])
-def test_quadrature_rules_have_their_exact_degree(rule, n):
-    with mpmath.workdps(DIGITS):
-        nodes = rule(n, DIGITS)
-        defect = [abs(mpmath.fsum(b * c**k for c, b in nodes) - mpmath.mpf(1) / (k + 1)) for k in range(2 * n + 1)]
-    assert [c for c, _ in nodes] == sorted(c for c, _ in nodes)
-    degree = 2 * n - RULES[rule]
-    assert max(defect[: degree + 1]) < 1e-48
-    assert defect[degree + 1] > 1e-12
 
 
 def simplifying(A, b, c, orders):
@@ -193,16 +179,6 @@ def test_hbvm_conserves_polynomials_up_to_degree_4_only():
     assert lost["sextic"] > 1e-13
 
 
-@pytest.mark.parametrize("id", ["cpg-2", "hbvm-8-4", "gauss-3", "gauss-equip-3"])
-def test_an_unsolvable_step_ends_a_run(id):
-    """A step whose first increments overflow ends the run with a status."""
-    made = planar("q1**6 + q2**4")
-    assert not isinstance(prepare(method(id), made).step, collocation.Collocation)
-    s = integrate(made, id, h=10.0, steps=3, q0=[1e50, 0.5], p0=[0.2, -0.3])
-    assert s.status in ("not-converged", "diverged")
-    assert len(s.q) == 1
-
-
 @pytest.mark.parametrize(("id", "omega", "h"), [("variational-midpoint", 50, 0.02), ("variational-gauss-2", 100, 0.01)])
 def test_a_force_at_its_round_off_level_can_be_solved(id, omega, h):
     """Near an equilibrium at q = 1 kicks are known only to the round-off of an increment divided by h."""
@@ -214,35 +190,6 @@ def test_a_force_at_its_round_off_level_can_be_solved(id, omega, h):
 
 
 # -- EQUIP ------------------------------------------------------------------------------------------------------------
-
-
-def butcher(s, alpha):
-    """(A(alpha), b) of the EQUIP method, arrays in the working precision: A(alpha) = P (X_s - alpha V) P^-1.
-
-    P: Legendre polynomials at the s Gauss nodes; X_s: the Gauss method's matrix in this basis; V: one skew pair of
-    entries.
-    """
-    A, _, b, c = tableaus.runge_kutta("gauss", s)
-    P = mpmath.matrix([tableaus.legendre(s, x) for x in c])
-    V = mpmath.zeros(s, s)
-    V[s - 1, s - 2], V[s - 2, s - 1] = 1, -1
-    A = P * (P**-1 * A * P - alpha * V) * P**-1
-    return np.array(A.tolist(), dtype=object), np.array(list(b), dtype=object)
-
-
-@pytest.mark.parametrize("s", [2, 3])
-def test_a_fixed_alpha_is_symplectic_symmetric_of_order_2s_2(s):
-    with mpmath.workdps(DIGITS):
-        A, b = butcher(s, mpmath.mpf("0.03"))
-        assert np.abs(b[:, None] * A + (b[:, None] * A).T - np.outer(b, b)).max() < 1e-45
-        assert np.abs(A + A[::-1, ::-1] - b).max() < 1e-45
-        assert order_residual(A, b, range(1, 2 * s - 1)) < 1e-45
-        assert order_residual(A, b, [2 * s - 1]) > 1e-6
-        assert order_residual(*butcher(s, 0), range(1, 2 * s + 1)) < 1e-45
-        # The kernel has the same skew matrix.
-        gauss, c = butcher(s, 0)[0], tableaus.runge_kutta("gauss", s)[3]
-        S = np.array(gauss_equip.skew(s, c), dtype=object)
-        assert np.abs(gauss - mpmath.mpf("0.03") * S * b - A).max() < 1e-45
 
 
 #: A pendulum with a free particle; the step from this state has two roots.

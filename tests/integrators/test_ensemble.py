@@ -78,17 +78,6 @@ def test_a_lane_equals_the_scalar_kernel_bit_by_bit(name, id, parameters):
     assert found.in_lanes.all()
 
 
-@pytest.mark.processor
-def test_lanes_have_their_own_elementary_functions():
-    """They differ in the last places, which a regular motion does not amplify."""
-    made, Q, P = starts("pendulum")
-    found = integrate_ensemble(made, "stormer-verlet", Q, P, h=0.05, steps=200, save_every=50)
-    assert found.in_lanes.all()
-    for i in range(N):
-        s = integrate(made, "stormer-verlet", h=0.05, steps=200, save_every=50, q0=Q[i], p0=P[i])
-        np.testing.assert_allclose([found.Q[i], found.P[i]], [s.q, s.p], rtol=0, atol=2e-13)
-
-
 def test_functions_without_lanes_are_called_one_by_one():
     system = Hamiltonian(q="q", p="p", H="p**2/2 + (q**2 + 1)**1.3 - log(q**2 + 2) + tan(q/4)")
     Q = np.linspace(-1, 1, 2 * LANES.n)[:, None]
@@ -283,17 +272,6 @@ def test_crossings_of_the_oscillator():
     np.testing.assert_allclose(found.t, turn + np.array([-np.pi / 3] * 3 + [np.arcsin(0.25)] * 4), rtol=1e-9)
     momentum = section(SPRING, "gauss-4", [[1.0]], [[0.0]], of="v", h=0.1, t_end=20.0)
     np.testing.assert_allclose(momentum.t, np.pi * (2 * np.arange(3) + 1), rtol=1e-9)
-
-
-def test_a_crossing_lies_on_the_orbit():
-    made = problem("henon-heiles:box")
-    found = section(made, "kahan-li-8", [made.q0], [made.p0], of="q1", h=0.1, t_end=50.0, every=2)
-    assert len(found.t) > 5
-    for t, q, p in zip(found.t, found.q, found.p, strict=True):
-        end = integrate(made, "gauss-8", t_end=t, steps=int(10 * t), save_every=0)
-        np.testing.assert_allclose([*end.q[-1], *end.p[-1]], [*q, *p], rtol=0, atol=2e-9)
-        assert q[0] == 0
-        assert p[0] > 0
 
 
 def test_a_stopped_orbit_keeps_its_crossings():

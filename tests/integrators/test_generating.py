@@ -121,15 +121,3 @@ def test_trace_and_determinant(lam, z):
     if lam not in (0.0, 1.0):
         wrong = 2 - z**2 / (1 + lam * (1 + lam) * z**2)
         assert abs(np.trace(M) - wrong) > 2e-14 * scale, "the control: another sign in the denominator"
-
-
-@pytest.mark.parametrize("lam", LAMBDAS)
-def test_exact_invariant(lam):
-    z = 0.5 * min(1.0, 2 / max(abs(1 - 2 * lam), 1e-3))
-    s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=100_000, q0=[1.0], p0=[0.3])
-    q, p = s.q[:, 0], s.p[:, 0]
-    kept = p**2 + q**2 + z * (1 - 2 * lam) * p * q
-    assert np.abs(kept - kept[0]).max() < 1e-12 * kept[0]
-    if lam != 0.5:
-        wrong = p**2 + q**2 - z * (1 - 2 * lam) * p * q
-        assert np.ptp(wrong) > 1e-2 * kept[0], "the control: the sign of the mixed term"

@@ -218,13 +218,13 @@ ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
 
 
 class Kernel:
-    """Made-up kernel that counts steps in q; at the step ``end`` it stops with ``code`` or sets q = ``worth``.
+    """Made-up kernel that counts steps in q; at the step ``end`` it stops with ``code`` or sets q, or p, to ``worth``.
 
     Each step adds ``missing`` to the count of fallbacks.
     """
 
-    def __init__(self, end=None, code=solve.SOLVED, worth=None, missing=0.0, slept=0.0):
-        self.end, self.code, self.worth, self.missing = end, code, worth, missing
+    def __init__(self, end=None, code=solve.SOLVED, worth=None, part=0, missing=0.0, slept=0.0):
+        self.end, self.code, self.worth, self.part, self.missing = end, code, worth, part, missing
         self.step, self.calls, self.slept = 0, [], slept
 
     @property
@@ -241,7 +241,7 @@ class Kernel:
                     return row, self.code
             Q[row], P[row], parameter[row] = self.step, 1.0, -self.step
             if self.worth is not None and self.end <= self.step < self.end + every:
-                Q[row] = self.worth
+                (Q, P)[self.part][row] = self.worth
         return len(Q), solve.SOLVED
 
 
@@ -256,27 +256,12 @@ def ran(kernel, steps=10, every=1, system=MOVED, timeout=None, missed="", piece=
     return t
 
 
-@pytest.mark.parametrize(("steps", "every"), [(10, 1), (10, 3), (23, 7), (4, 4), (15, 5)])
-@pytest.mark.parametrize("piece", [1, 5, 1000])
-def test_rows_do_not_depend_on_the_pieces(monkeypatch, steps, every, piece):
-    monkeypatch.setattr(trajectory, "PIECE", piece)
-    kernel = Kernel()
-    t = ran(kernel, steps, every, piece=piece)
-    numbers = [*range(0, steps, every), steps]
-    assert t.q[:, 0].tolist() == t.index.tolist() == numbers
-    assert t.times.tolist() == [0.5 * n for n in numbers]
-    assert t.parameter[:, 0].tolist() == [-n for n in numbers[1:]]
-    assert (t.status, t.reason, t.filled, t.reached) == ("ok", "", len(numbers) - 1, steps)
-    assert sum(n * size for n, size in kernel.calls) == steps
-    assert max(n * size for n, size in kernel.calls) <= piece
-
-
 @pytest.mark.parametrize(("every", "filled"), [(1, 6), (3, 2), (10, 0), (4, 1)])
 @pytest.mark.parametrize(
     ("kernel", "system", "status"),
     [
         ({"worth": np.nan}, MOVED, "diverged"),
-        ({"worth": np.inf}, MOVED, "diverged"),
+        ({"worth": np.inf, "part": 1}, MOVED, "diverged"),
         ({"worth": -1.0}, ROOT, "diverged"),
         ({"worth": -1.0}, MOVED, "ok"),
         ({"code": solve.NOT_FINITE}, MOVED, "diverged"),
@@ -360,16 +345,12 @@ TABLE = [
     (HARMONIC, "stormer-verlet", {"h": 2.1, "steps": 10**6, "save_every": 0}, "diverged", "no longer finite"),
     (HARMONIC, "stormer-verlet", {"h": 1.99, "t_end": 1000}, "inaccurate", "comes and goes"),
     (HARMONIC, "stormer-verlet", {"steps": 1, "t_end": 2.8}, "inaccurate", "not the orbit"),
-    (HARMONIC, "explicit-euler", {"h": 0.1, "t_end": 100}, "unstable", "from t = 7 on"),
     (HARMONIC, "implicit-euler", {"h": 0.1, "t_end": 100}, "inaccurate", "from t = 5 on"),
     (HARMONIC, "implicit-midpoint", {"h": 1e3, "steps": 1000}, "ok", ""),
     (PENDULUM, "implicit-midpoint", {"h": 1e3, "steps": 100}, "unstable", "not the orbit"),
-    (HARMONIC, "scheme-i", {"h": 0.1, "steps": 1000, "parameters": {"lam": 1000}}, "unstable", "not the orbit"),
     (KEPLER, "stormer-verlet", {"h": 0.01, "t_end": -5} | REST, "collision", "head-on"),
     (HARMONIC, "stormer-verlet", at(1e150, 0.0, h=0.1, steps=100), "ok", ""),
-    (HARMONIC, "stormer-verlet", at(1e-150, 0.0, h=0.1, steps=100), "ok", ""),
     (HARMONIC, "stormer-verlet", at(0.0, -1e-151, h=0.1, steps=100), INVALID, "choose units"),
-    (LOTKA, "symplectic-euler-q", at(1e-300, 1.0, h=0.01, steps=1000), "diverged", "outside H's domain"),
     (LOTKA, "explicit-euler", {"h": 1.5, "steps": 1000}, "diverged", "outside H's domain after step 0"),
     (ROOT, "stormer-verlet", at(1.0, 0.0, h=0.1, steps=100), "diverged", "after step 18"),
     (PENDULUM, "implicit-midpoint", at(pi - 1e-12, 0.0, h=0.01, steps=5000), "ok", ""),
@@ -380,7 +361,6 @@ TABLE = [
     (KEPLER, "stormer-verlet", {"h": 0.01, "t_end": 5} | REST, "collision", "head-on"),
     (KEPLER, "explicit-euler", {"h": 0.01, "t_end": 100, "save_every": 0}, "inaccurate", "not the orbit"),
     (CHAOTIC, "stormer-verlet", {"h": 0.01, "t_end": 100} | ESCAPE, "diverged", "the motion itself may escape"),
-    (RUNAWAY, "stormer-verlet", at(1.0, 1.0, h=0.01, t_end=10), "diverged", "the motion itself may escape"),
     (problem("klein-gordon"), "explicit-euler", {"h": 20.0, "steps": 200}, "diverged", "no longer finite"),
     (RUNAWAY, "implicit-midpoint", at(1.0, 1.0, h=0.01, t_end=10), "not-converged", "after step 7"),
     (PENDULUM, "scheme-i", {"h": 1e-6, "steps": 10**9, "save_every": 10**6, "timeout": 0.05}, "timeout", "reached"),

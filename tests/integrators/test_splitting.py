@@ -173,7 +173,6 @@ def test_takahashi_imada_has_effective_order_four():
 # -- a fast linear part: published formulas, exactness, poles, round-off -----------------------------------------------
 
 
-IDS = [m.id for m in oscillatory.METHODS]
 TRIGONOMETRIC = [m.id for m in oscillatory.METHODS if m.id not in ("r-respa", "imex")]
 OMEGA = 50.0
 FPU = problem("fpu")
@@ -227,29 +226,6 @@ def test_a_step_equals_the_published_formula(id, x):
     assert np.abs(step(id, h) - [q1, p1]).max() < 1e-13
     others = [i for i in TRIGONOMETRIC if i != id]
     assert min(np.abs(step(i, h) - [q1, p1]).max() for i in others) > 1e-9, "the control: another method's step"
-
-
-@pytest.mark.parametrize("id", IDS)
-def test_without_a_fast_part_methods_are_stormer_verlet(id):
-    made = problem("henon-heiles")
-    slow_only = Hamiltonian(q=made.system.q, p=made.system.p, H=made.system.H, frequencies=[0, 0])
-    state = np.array(made.q0), np.array(made.p0)
-    gap = np.abs(step(id, 0.3, slow_only, state) - step("stormer-verlet", 0.3, slow_only, state)).max()
-    assert gap < 1e-15
-    fast = np.abs(step(id, 0.3, made.system, state) - step("stormer-verlet", 0.3, slow_only, state)).max()
-    assert fast > 1e-5, "the control: with the linear part declared fast it is not"
-
-
-@pytest.mark.parametrize("id", ["deuflhard", "grimm-hochbruck", "imex", "r-respa"])
-@pytest.mark.parametrize("h", [0.9, 40.0])
-def test_the_harmonic_oscillator_is_exact_for_any_step(id, h):
-    found = problem("harmonic-oscillator")
-    s = integrate(found, id, h=h, steps=200)
-    error = max(np.abs(s.q[:, 0] - np.cos(s.t)).max(), np.abs(s.p[:, 0] + np.sin(s.t)).max())
-    if id in TRIGONOMETRIC:
-        assert error < 1e-12
-    else:
-        assert error > 1e-6, "the control: an approximate propagator"
 
 
 @pytest.mark.parametrize("id", ["gautschi", "hochbruck-lubich"])

@@ -187,7 +187,7 @@ ERRORS = {
 LEAST = (1e-11, 1e-14)
 
 
-@pytest.mark.parametrize("id", [*ERRORS, "wisdom-holman-aba-10-6-4"])
+@pytest.mark.parametrize("id", [*ERRORS, "wisdom-holman-aba-10-6-4", "fcirk"])
 def test_errors_of_the_planets(fine, id):
     made = problem(PLANETS)
     s = integrate(made, id, h=50.0, steps=100)
