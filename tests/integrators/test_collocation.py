@@ -163,22 +163,6 @@ def test_double_rules_integrate_linear_functions_exactly(id, name):
 # -- the kernel -------------------------------------------------------------------------------------------------------
 
 
-def planar(rest):
-    """H = |p|^2/2 + rest with d = 2, a common d so that compiled kernels are shared."""
-    return Hamiltonian(q="q1 q2", p="p1 p2", H=f"p1**2/2 + p2**2/2 + {rest}")
-
-
-def test_hbvm_conserves_polynomials_up_to_degree_4_only():
-    """HBVM(k, s) conserves a polynomial H of degree 2k/s at most."""
-    lost = {}
-    for name, V in (("quartic", "q1**2/2 + q1**4 + q1**2*q2**2/3"), ("sextic", "q1**2/2 + q1**6 + q1**2*q2**2/3")):
-        system = planar(V)
-        s = integrate(system, BY_ID["hbvm-4-2"], h=0.5, steps=200, q0=[0.8, 0.4], p0=[0.3, 0.1])
-        lost[name] = np.abs(energy_errors(s)).max()
-    assert lost["quartic"] < 1e-14
-    assert lost["sextic"] > 1e-13
-
-
 @pytest.mark.parametrize(("id", "omega", "h"), [("variational-midpoint", 50, 0.02), ("variational-gauss-2", 100, 0.01)])
 def test_a_force_at_its_round_off_level_can_be_solved(id, omega, h):
     """Near an equilibrium at q = 1 kicks are known only to the round-off of an increment divided by h."""
