@@ -207,6 +207,47 @@ def test_without_a_root_a_small_error_at_zero_is_accepted(units, slack, kept):
 # -- the model --------------------------------------------------------------------------------------------------------
 
 
+def test_a_slope_is_extrapolated_quadratically_in_time():
+    models = model_of(slope=5.0)
+    for n in range(4):
+        model.extrapolate_slope(models, 0)
+        model.renew(models, 0, 2.0 + 0.3 * n - 0.07 * n * n)
+        assert models[0, model.AGE] == 0
+    for n in range(4, 8):
+        assert model.extrapolate_slope(models, 0) == pytest.approx(2.0 + 0.3 * n - 0.07 * n * n, rel=1e-13)
+        assert models[0, model.AGE] == n - 3
+
+
+ROOM = model.LONE * 0.25  # for a slope of 1/4
+
+
+@pytest.mark.parametrize(
+    ("limit", "beyond"),
+    [
+        ({"streak": 1}, {"streak": 0}),
+        ({"streak": model.FOLLOWED - 1}, {"streak": model.FOLLOWED}),
+        ({"predicted": model.CHECKED}, {"predicted": 1.0000001 * model.CHECKED}),
+        ({"predicted": -model.CHECKED}, {"predicted": -1.0000001 * model.CHECKED}),
+        ({"curvature": ROOM / 0.0625}, {"curvature": 1.0000001 * ROOM / 0.0625}),
+        ({"curvature": -ROOM / 0.0625}, {"curvature": -1.0000001 * ROOM / 0.0625}),
+        ({"curvature": 0.1 * ROOM / 0.125, "missed": 0.125}, {"curvature": 0.11 * ROOM / 0.125, "missed": 0.125}),
+        ({"before": 0.25 - 0.75 * 0.25}, {"before": 0.25 - 0.76 * 0.25}),
+        ({"before": 0.25 + 0.75 * 0.25}, {"before": 0.25 + 0.76 * 0.25}),
+        ({"before": 9.0, "age": 1}, {"before": 9.0, "age": 2}),
+    ],
+)
+def test_the_limits_within_which_a_model_is_trusted(limit, beyond):
+    """The prediction is near 0, the other root twice as far, the last miss small, the slope steady and recent."""
+
+    def trusted(streak=2, age=3, missed=0.0, predicted=0.0625, curvature=0.0, before=0.25):
+        models = model_of(before, curvature)
+        models[0, [model.STREAK, model.AGE, model.MISSED]] = streak, age, missed
+        return model.is_trusted(NEAR, models, 0, predicted, 0.25, 0.25)
+
+    assert trusted(**limit)
+    assert not trusted(**beyond)
+
+
 # -- following a root -------------------------------------------------------------------------------------------------
 
 

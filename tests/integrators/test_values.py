@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import platform
 import sys
 import textwrap
 from dataclasses import replace
@@ -13,6 +14,7 @@ import numba
 import numpy as np
 import pytest
 import sympy as sp
+from llvmlite import binding
 from numba import types
 
 import phasebench as pb
@@ -69,13 +71,58 @@ def test_the_norm_of_a_vector_with_nan_is_nan():
         assert np.isnan([vector.size(np.array(x)), vector.distance(np.array(x), np.zeros(2))]).all()
 
 
-WIDTH = 8
+WIDTH, FACTOR = 8, 0.3
 LIKE = (0.0,) * WIDTH
+#: Whether code compiled here uses fused multiply-add.
+NAMED = numba.config.CPU_FEATURES
+FEATURES = binding.get_host_cpu_features() if NAMED is None else {f[1:]: f[0] == "+" for f in NAMED.split(",") if f}
+FUSES = platform.machine() in ("arm64", "aarch64") or bool(FEATURES.get("fma"))
+
+
+@numba.njit(**ARRAYS)
+def in_arrays(x, c, v):
+    """Add FACTOR v to x with compensations c, in place."""
+    vector.add_product_in_place(x, c, FACTOR, v)
+
+
+@numba.njit
+def in_tuples(x, c, v):
+    for i in range(0, len(x), 2):
+        s, r = vector.add_product_in_place((x[i], x[i + 1]), (c[i], c[i + 1]), FACTOR, (v[i], v[i + 1]))
+        x[i], x[i + 1] = s
+        c[i], c[i + 1] = r
+
+
+@numba.njit
+def _rows(x, c, v):
+    for i in range(len(x)):
+        s, r = vector.add_product_in_place((take(x, i, LIKE),), (take(c, i, LIKE),), FACTOR, (take(v, i, LIKE),))
+        put(x, i, s[0], LIKE)
+        put(c, i, r[0], LIKE)
+
+
+def in_lanes(x, c, v):
+    _rows(*(z.reshape(-1, WIDTH) for z in (x, c, v)))
 
 
 def once(a, x, y):
     """a x + y, rounded once."""
     return float(Fraction(a) * Fraction(x) + Fraction(y))
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("how", [in_arrays, in_tuples, in_lanes])
+def test_every_type_rounds_the_exact_product_once(how):
+    """If the processor does; the error then stays within the bound in the docstring of `add_product`."""
+    x, c, v = np.random.default_rng(3).normal(size=(3, 80)) * np.array([[1.0], [1e-17], [1e-3]])
+    rounded = once if FUSES else lambda a, x, y: a * x + y
+    total = np.array([rounded(FACTOR, w, y) for w, y in zip(v, x + c, strict=True)])
+    lost = np.array([rounded(FACTOR, w, y) for w, y in zip(v, c, strict=True)]) - (total - x)
+    found, rest = x.copy(), c.copy()
+    how(found, rest, v.copy())
+    np.testing.assert_array_equal(found, total)
+    np.testing.assert_array_equal(rest, lost)
+    assert (rest != vector.add(x, c, FACTOR * v)[1]).any() == FUSES, "the control: a product rounded before"
 
 
 @numba.njit
