@@ -14,8 +14,8 @@ from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import dop853, quadrature, tableaus
 from phasebench.integrators.coefficients.trees import DIGITS, order_residual, trees
 from phasebench.integrators.driver import integrate
+from phasebench.integrators.families import collocation, path_lanes
 from phasebench.integrators.families import equip as gauss_equip
-from phasebench.integrators.families import path_lanes
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.collocation import METHODS
 from phasebench.integrators.registry import method
@@ -161,6 +161,16 @@ def test_double_rules_integrate_linear_functions_exactly(id, name):
 
 
 # -- the kernel -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", ["cpg-2", "hbvm-8-4", "gauss-3", "gauss-equip-3"])
+def test_an_unsolvable_step_ends_a_run(id):
+    """A step whose first increments overflow ends the run with a status."""
+    made = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/2 + p2**2/2 + q1**6 + q2**4")
+    assert not isinstance(prepare(method(id), made).step, collocation.Collocation)
+    s = integrate(made, id, h=10.0, steps=3, q0=[1e50, 0.5], p0=[0.2, -0.3])
+    assert s.status in ("not-converged", "diverged")
+    assert len(s.q) == 1
 
 
 @pytest.mark.parametrize(("id", "omega", "h"), [("variational-midpoint", 50, 0.02), ("variational-gauss-2", 100, 0.01)])

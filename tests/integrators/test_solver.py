@@ -156,6 +156,22 @@ def test_newton_solves_for_rows(lengths, solved):
         assert np.abs(np.subtract(e.memory[j], found) / (1, UNIT)).max() < 1e-13
 
 
+def test_when_iterations_stop():
+    """At a share of round-off that the rest of the geometric series of changes may have, or where changes stagnate."""
+    left = solve.SHARE * EPS
+    for theta in (0.01, 0.5, 0.9):
+        for factor in (0.99, 1.01):
+            delta = factor * left * (1 - theta) / theta
+            assert solve.converged(delta, delta / theta, 1.0, 1e9, EPS) == (factor < 1)
+    for delta, before, ends in ((60, 50, True), (60, 60, True), (70, 60, False)):
+        assert solve.converged(delta * EPS, before * EPS, 1.0, 0.0, EPS) == ends
+    unit, noise = EPS, 1e-12
+    for delta, before, of, ends in ((unit, np.inf, 0, True), (1.1 * unit, np.inf, 0, False)):
+        assert newton.newton_converged(delta, before, unit, of) == ends
+    for delta, before, ends in ((900, 1000, True), (900, 2000, False), (1100, 1000, False)):
+        assert newton.newton_converged(delta * noise, before * noise, unit, noise) == ends
+
+
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_linear_equations_are_solved_with_pivoting(n):
     rng = np.random.default_rng(n)
