@@ -13,7 +13,6 @@ import pytest
 import sympy as sp
 from numba import njit
 
-from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.families import averaged, collocation, equip, gauss_lanes, path_lanes
 from phasebench.integrators.registry import method
@@ -224,12 +223,6 @@ def check(family, id, made, **run):
     assert (lanes.counts["newton"] > 0) == (counts["newton"] > 0)
     assert counts["newton"] or abs(lanes.counts["gradient"] - counts["gradient"]) <= 0.05 * counts["gradient"]
     return lanes.counts
-
-
-@pytest.mark.parametrize("s", [2, 5, 8])
-def test_lanes_reach_the_state_of_single_stages(s):
-    check(gauss_lanes, f"gauss-{s}", problem("henon-heiles:box"), h=0.3, steps=100, save_every=0)
-    check(gauss_lanes, f"gauss-{s}", problem("perturbed-kepler"), h=0.05, steps=100, save_every=0)
 
 
 @pytest.mark.parametrize(("family", "id", "name"), CASES, ids=lambda x: x if isinstance(x, str) else "")

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-import sympy as sp
 
-from phasebench.benchmarks.measure.battery import by_label, variants
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.families.schemes_iv_v import RADIUS
 from phasebench.integrators.stepping import energy_model as model
 from phasebench.integrators.stepping.energy_model import FIRST, LATEST, Attempt, Search
 from phasebench.integrators.stepping.root import ROWS, SIGNATURE, SLOTS, finder, search_anew
 from phasebench.integrators.stepping.solve import LEVELS, NOT_FINITE, SOLVED
 from phasebench.integrators.values.vector import State, inline, jit, scale
-from support.solutions import energy_errors, last
+from support.solutions import last
 
 UNIT = 1e-12
 NEAR = Search(radius=2.0, first=0.05, near=1.0, ratio=1.12, points=70, slack=0.0)
@@ -268,86 +264,6 @@ def test_a_root_that_may_not_be_the_nearest_is_not_followed():
 
 
 # -- Schemes IV and V: steps without a root, and the root that is taken ------------------------------------------------
-
-
-EQUIP = by_label([m for m in variants() if m.family == "schemes_iv_v"])
-#: Those with one root in a step: the long negative substep of a composition is unstable in the hard cases.
-SINGLE = [label for label, m in EQUIP.items() if len({row[2] for row in m.data}) == 1]
-
-#: Cases in which some steps have no root: (problem, h, steps).
-HARD = (("henon-heiles:box", 0.1, 5000), ("pendulum:rotating", 0.3, 200))
-
-
-@cache
-def run(label, case):
-    """(problem, solution) of the method with this label in a case; computed once."""
-    name, h, steps = case
-    return problem(name), integrate(problem(name), EQUIP[label], h=h, steps=steps)
-
-
-def size_of_terms(made, s):
-    """The round-off scale of H: the sizes of its terms and the effect of rounding the state."""
-    system = made.system
-    parts = [*sp.Add.make_args(sp.expand(system.H)), *(x * system.H.diff(x) for x in (*system.q, *system.p))]
-    return np.sum([np.abs(system.observe(t, s.q, s.p)) for t in parts], 0).max()
-
-
-@pytest.mark.parametrize("case", HARD, ids=lambda c: c[0])
-@pytest.mark.parametrize("label", SINGLE)
-def test_every_step_with_a_root_restores_the_initial_energy(label, case):
-    made, s = run(label, case)
-    assert len(s.parameter), s.reason
-    good = ~np.isnan(s.parameter)
-    assert (~good).sum() == s.counts["fallbacks"]
-    error = np.abs(energy_errors(s))[1:]
-    unit = np.finfo(float).eps * size_of_terms(made, s)
-    assert error[good].max() < 64 * unit
-    if not good.all():
-        assert error[~good].max() > 64 * unit, "a fallback that keeps the energy is no fallback"
-        after = np.flatnonzero(~good[:-1] & good[1:]) + 1
-        assert error[after].max() < 64 * unit, "a later step wins the energy back"
-
-
-#: A scheme -> the one with a fixed lambda that is its step; the distances of lambda from 1/2 at which it is looked at.
-FIXED = {"scheme-iv": "scheme-i", "scheme-v": "scheme-iii"}
-LADDER = np.array([0.0, *np.geomspace(1e-7, RADIUS, 60)])
-
-
-def brackets(label, made, s, n):
-    """(|H - H0| after step n with lambda = 1/2, where H - H0 first changes sign as lambda moves away on either side).
-
-    The places are intervals (from, to) of |lambda - 1/2|.
-    """
-    H0, found = made.system.energies(s.q[:1], s.p[:1])[0], []
-    for side in (1, -1):
-        errors = []
-        for x in LADDER:
-            parameters, start = {"lam": 0.5 + side * x}, {"q0": s.q[n], "p0": s.p[n]}
-            end = integrate(made, FIXED[label], h=s.h, steps=1, parameters=parameters, **start)
-            if not end.counts["steps"]:
-                break  # the branch of solutions from lambda = 1/2 ends here
-            errors.append(made.system.energies(end.q[-1:], end.p[-1:])[0] - H0)
-            if (errors[-1] > 0) != (errors[0] > 0):
-                found.append((LADDER[len(errors) - 2], x))
-                break
-    return abs(errors[0]), found
-
-
-@pytest.mark.parametrize("label", FIXED)
-def test_the_root_is_the_one_nearest_one_half_and_steps_that_fall_back_have_none(label):
-    made, s = run(label, HARD[0])
-    away = np.abs(s.parameter - 0.5)
-    checked = 0
-    for n in [*np.argsort(-np.nan_to_num(away))[:4], *range(0, 200, 50)]:
-        E0, found = brackets(label, made, s, n)
-        if E0 > 1e-12 and not np.isnan(away[n]):  # at the round-off of H roots cannot be told apart
-            low, high = min(found)
-            assert 0.9 * low <= away[n] <= 1.1 * high, n
-            checked += 1
-    assert checked >= 5
-    fallbacks = np.flatnonzero(np.isnan(away))[:3]
-    assert label != "scheme-iv" or len(fallbacks) == 3
-    assert not any(brackets(label, made, s, n)[1] for n in fallbacks)
 
 
 @pytest.mark.parametrize(("h", "most"), [(0.01, 2.9), (0.1, 3.3)])
