@@ -51,6 +51,10 @@ def test_sums_of_powers_of_the_distance_are_recognized(system, wanted):
     assert (powers(system) or None) == wanted
 
 
+def test_galpy_refuses_a_fourth_dimension():
+    assert "not 4" in PEERS["galpy-leapfrog"].lacks(IN_FOUR, IN_FOUR)
+
+
 def test_henon_and_heiles_is_recognized():
     well = "(x**2 + y**2)/2"
     assert is_henon_heiles(HENON.system)
@@ -135,6 +139,3 @@ def test_galpy_makes_no_request_and_leaves_interrupts_alone(tmp_path, text, call
     done = subprocess.run([sys.executable, "-c", TRAP + text], capture_output=True, text=True, env=environment)
     assert ("network" in done.stderr) == calls, done.stderr
     assert ("interrupted" in done.stdout) != calls, done.stderr
-
-
-# -- gala -------------------------------------------------------------------------------------------------------------
