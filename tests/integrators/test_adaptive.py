@@ -17,6 +17,7 @@ from phasebench.integrators.stepping.kernel import prepare
 from support.solutions import end, energy_errors
 
 ORBIT = problem("kepler", e=0.6)
+PERIOD = 2 * np.pi
 
 
 #: Rate of the rotating frame, in which H is not separable and the motion is reversible under a reflection.
@@ -97,6 +98,7 @@ def test_variable_steps_hold_through_a_hard_bounce(H, q0, t_end):
 
 
 BY_ID = {m.id: m for m in METHODS if m.family == "field"}
+KEPLER = problem("kepler", e=0.8)
 #: A wall at q = 0; far from it the force is constant to all digits, so that nothing announces the wall.
 WALL = Hamiltonian(q="q", p="p", H="p**2/2 + exp(-40*q) + q")
 
@@ -108,6 +110,15 @@ def lengths(system, id, h, q0, p0, every, rows=1):
     assert run(np.zeros(shape), np.zeros(shape), np.zeros((rows, 1)), every)[1] == 0
     state = run.carry.state
     return state[5, 0], state[5, 1], state[4, 0], run.counts
+
+
+def test_steps_on_a_kepler_orbit_follow_the_distance():
+    """About as r^(3/2): at the apocentre, 9 times as far as the pericentre, they are about 27 times as long."""
+    steps = []
+    for half in (0, 1):
+        t, h = (0.999 + half * 0.5) * PERIOD, 0.002
+        steps.append(lengths(KEPLER.system, "gauss-8-field", h, KEPLER.q0, KEPLER.p0, round(t / h))[0])
+    assert 20 < steps[1] / steps[0] < 50
 
 
 def test_steps_into_a_wall_are_rejected():

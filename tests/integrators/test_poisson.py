@@ -9,8 +9,9 @@ import sympy as sp
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.families import poisson
+from phasebench.integrators.families import averaged, poisson
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.poisson import PoissonSystem, jacobi_defects
@@ -133,6 +134,19 @@ def of(H):
 def run(system, id, h=0.1, steps=50):
     s = integrate(system, id, h=h, steps=steps, q0=[0.7, 0.5], p0=[0.2, -0.3])
     return end(s), s.counts
+
+
+@pytest.mark.processor
+def test_systems_without_lanes_take_nodes_one_by_one(monkeypatch):
+    names = [[f"{x}{i}" for i in range(21)] for x in "qp"]
+    many = Hamiltonian(q=names[0], p=names[1], H="cos(q0) + " + " + ".join(f"p{i}**2/2 + q{i}**2" for i in range(21)))
+    for system in (of("p1**2/2 + p2**2/2 + q1**4 + q1*q2"), problem("klein-gordon").system, many):
+        assert prepare(method("avf"), system).step.like is None
+    with precision(30):
+        assert prepare(method("avf"), of(MASSES), MULTIPRECISION).step.like is None
+    monkeypatch.setattr(averaged, "compiles_in_lanes", lambda system: True)
+    served = [averaged.serves(of(f"p1**2/2 + p2**2/2 + q1**{n} + q1*q2"), DOUBLE) for n in (2, 4, 5, 6)]
+    assert served == [False, False, True, True], "two nodes are exact for a polynomial of degree 4"
 
 
 def test_round_off_of_large_coordinates_ends_a_step():
