@@ -153,34 +153,17 @@ def test_control_rate_of_a_noninvariant():
 
 
 @pytest.mark.parametrize(
-    ("name", "parameters", "message"),
+    ("name", "parameters"),
     [
-        ("kepler", {"e": -0.1}, "eccentricity"),
-        ("kepler", {"e": float("nan")}, "finite"),
-        ("kepler", {"e": "0.5"}, "finite"),
-        ("kepler", {"e": True}, "finite"),
-        ("harmonic-oscillator", {"omega": Fraction(10**400, 3)}, "finite"),
-        ("pendulum", {"e": 0.1}, "has none"),
-        ("harmonic-oscillator", {"omega": 0.0}, "positive"),
-        ("pendulum:box", {}, "there is no orbit of 'pendulum' 'box'"),
-        ("double-pendulum", {"l1": 0.0}, "positive"),
-        ("duffing", {"beta": -1.0}, "positive"),
-        ("duffing:both-wells", {"alpha": 1.0}, "no orbit"),
-        ("toda", {"N": 2}, "from 3 to"),
-        ("toda", {"N": 3.5}, "integer"),
-        ("rigid-body", {"I2": -1.0}, "positive"),
-        ("charged-particle", {"phi0": -0.1}, "negative"),
-        ("magnetic-mirror", {"L": 0.0}, "positive"),
-        ("schwarzschild", {"M": 0.0}, "positive"),
-        ("schwarzschild", {"semilatus": 7.0}, "greater than 6"),
-        ("n-body", {"N": 1}, "from 2 to"),
-        ("nls", {"N": 10**9}, "points"),
-        ("klein-gordon", {"N": 4.5}, "points"),
-        ("klein-gordon", {"L": 1e6}, "length"),
+        ("kepler", {"e": float("nan")}),
+        ("kepler", {"e": "0.5"}),
+        ("kepler", {"e": True}),
+        ("harmonic-oscillator", {"omega": Fraction(10**400, 3)}),
     ],
 )
-def test_invalid_parameters_are_refused(name, parameters, message):
-    with pytest.raises(InvalidInput, match=message):
+def test_parameters_that_are_no_finite_numbers_are_refused(name, parameters):
+    """Others are in `bad_input.txt`."""
+    with pytest.raises(InvalidInput, match="finite"):
         problem(name, **parameters)
 
 
@@ -434,9 +417,8 @@ def test_n_body_loops_agree_with_the_formula():
     made = problem("n-body", N=7)
     s = made.system
     q, p = np.array(made.q0), np.array(made.p0)
-    derived = [[float(s.observe(e, [q], [p])[0]) for e in side] for side in (s.dq, s.dp)]
-    assert np.abs(np.array(s.field()(q, p, 0.0, 0.0)) - derived).max() < 1e-14 * np.abs(derived).max()
-    assert np.abs(s.grad_V()(q) + derived[1]).max() < 1e-14 * np.abs(derived).max()
+    force = np.array([float(s.observe(e, [q], [p])[0]) for e in s.dp])
+    assert np.abs(s.grad_V()(q) + force).max() < 1e-14 * np.abs(force).max()
     value, size = s.energy()(q, p)
     plain = sp.lambdify([[*s.q, *s.p]], s.H, "math")([*made.q0, *made.p0])
     assert value == pytest.approx(plain, rel=1e-13)
