@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import phasebench as pb
-from phasebench.benchmarks.measure import chaos
+from phasebench.benchmarks.measure import chaos, lyapunov
 
 #: An orbit of Henon and Heiles's system at H = 1/8, whose exponent is 0.047 (Ch. Skokos, J. Phys. A 34 (2001) 10029).
 CHAOTIC = {"q0": [0.0, -0.016], "p0": [0.49974, 0.0]}
@@ -18,6 +18,8 @@ def test_a_saddle_grows_by_its_rate_and_an_oscillator_does_not():
     found = pb.lyapunov(saddle, "gauss-2", h=0.05, t_end=200, q0=[0.0], p0=[0.0])
     assert found.exponent == pytest.approx(0.2, rel=1e-4)
     assert found.low <= found.exponent <= found.high
+    rest = np.zeros((401, 1))
+    assert lyapunov.exponent(saddle, np.linspace(0.0, 200.0, 401), rest, rest) == pytest.approx(0.2, rel=0.1)
     still = pb.lyapunov("harmonic-oscillator", "gauss-2", h=0.05, t_end=200)
     assert abs(still.exponent[0]) < 1e-3
 

@@ -93,15 +93,12 @@ def copy(tmp_path_factory):
     [
         ("integrators/families/splitting.py", "counts.gradient += 1", "counts.gradient += 2", {SPLITTING}),
         ("integrators/values/vector.py", "import numpy", "import math\nimport numpy", {SPLITTING, SWEEP, KEPLER}),
-        ("benchmarks/measure/metrics.py", "import numpy", "import math\nimport numpy", {SWEEP}),
         ("benchmarks/ladder/peer_rows.py", "MOST, ADAPTIVE = 5000", "MOST, ADAPTIVE = 4000", {SWEEP}),
         ("reference/peers/particles.py", "import numpy", "import math\nimport numpy", {REBOUND}),
         ("reference/peers/heyoka.py", "import numpy", "import math\nimport numpy", set()),
         ("benchmarks/problems/base.py", "from typing import", "import cmath\nfrom typing import", {KEPLER}),
         ("benchmarks/page/markdown.py", "import math", "import cmath", set()),
         ("integrators/values/vector.py", '"""', '"""Another word. ', set()),
-        ("integrators/families/splitting.py", "\n\n\ndef", "\n\n# a remark\n\ndef", set()),
-        ("integrators/families/splitting.py", "def step(method: Splitting", "def step(method: object", set()),
     ],
 )
 def test_edit_changes_the_modules_that_import_it(copy, file, old, new, moved):
@@ -147,11 +144,9 @@ def f(a, b=2):
     ("old", "new", "same"),
     [
         ("x", "first", True),
-        ("z", "inner", True),
         ('"a is negative"', 'f"{a} is below 0"', True),
         ("ValueError", "TypeError", False),
         ("b", "other", False),  # a parameter may be given by its name
-        ("x * y", "x + y", False),
         ("return z", "return x", False),
         ("x = a + b", "x = eval('x')", False),
     ],

@@ -103,6 +103,7 @@ def test_the_comment_of_a_file_says_what_elements_are_about():
 def test_masses_and_times_have_their_units(unit, in_kg, source):
     here, day = units(f"km, s, {unit}", "here"), units("AU, day, Msun", "here")
     assert pytest.approx(6.6743e-20 * in_kg, rel=source) == here.G
+    assert pytest.approx(day.G * 149597870.7**3 / 86400**2, rel=1e-14) == units("km, s, Msun", "here").G
     assert pytest.approx(day.G / 24**2, rel=1e-14) == units("AU, h, Msun", "here").G
     assert pytest.approx(day.G / 1440**2, rel=1e-14) == units("AU, min, Msun", "here").G
 

@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 from sympy import isprime
 
-from phasebench.benchmarks.measure import lyapunov, truths
+from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.global_error import quantity_error
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.named_quantities import AVERAGE, quantities, quantity
 from phasebench.benchmarks.measure.quantities import END_STATE, ENERGY, Truth, distance, error, scale, values
 from phasebench.benchmarks.problems import PROBLEMS, labels, problem
 from phasebench.benchmarks.problems.questions import QUESTIONS
-from phasebench.integrators import Hamiltonian
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.certificates import followed
 from phasebench.reference.solvers import taylor
@@ -139,15 +138,6 @@ def test_perihelion_of_a_rotated_ellipse(anomaly):
     assert values(made, quantity(made, "perihelion"), turned) == pytest.approx([angle])
     phase = np.arctan2(across * s, c - e) + angle
     assert distance(quantity(made, "phase"), values(made, quantity(made, "phase"), turned), np.array([phase])) < 1e-14
-
-
-def test_lyapunov_exponent_of_saddle_and_oscillator():
-    t = np.linspace(0.0, 200.0, 401)
-    saddle = Hamiltonian(q="q", p="p", H="p**2/2 - 9*q**2/8")
-    still = np.zeros((401, 1))
-    assert lyapunov.exponent(saddle, t, still, still) == pytest.approx(1.5, abs=1e-2)
-    oscillator = problem("harmonic-oscillator").system
-    assert abs(lyapunov.exponent(oscillator, t, np.cos(t)[:, None], -np.sin(t)[:, None])) < 1e-2
 
 
 def test_averages_and_oscillatory_energies():
