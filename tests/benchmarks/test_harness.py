@@ -18,7 +18,6 @@ from phasebench.benchmarks.measure.orders import orders
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES
 from phasebench.benchmarks.store import error_tables
-from phasebench.integrators import integrate
 from phasebench.integrators.registry import METHODS
 from phasebench.reference import files
 from phasebench.reference.peers import BY_ID as PEERS
@@ -40,8 +39,6 @@ REGULAR, CHAOTIC = (next(s for s in SCENES if s.regular is regular) for regular 
         (REGULAR, 2, (0.5, 1, 2), 1, accuracy.STORED),
         (REGULAR, 2, (0.5, 2), 1, accuracy.COMPUTED),
         (REGULAR, 0.5, (0.25, 1), 1, accuracy.COMPUTED),  # past the horizon it is not stored's
-        (REGULAR, 2, (), 1, accuracy.COMPUTED),
-        (CHAOTIC, 0.5, (0.125, 0.25, 1), 0.25, accuracy.STORED),
         (CHAOTIC, 0.5, (0.5, 1), 0.5, accuracy.STORED),
         (CHAOTIC, 9, (0.25, 2), 0.25, accuracy.STORED),  # nor past the scene's end
     ],
@@ -175,20 +172,6 @@ def exactly(made, t, q, p):
     return max(abs(float(quad(float(x)) - y)) for x, y in zip((*q, *p), row, strict=True))
 
 
-def test_chaotic_scene_is_measured_before_its_horizon(monkeypatch):
-    """At the last stored time before the horizon; without a certificate its end is beyond the reach of long double."""
-    row = sweep.measure(sweep.Task(CHAOTIC.id, "stormer-verlet", (), 0.05), repeats=1)
-    made = problem(CHAOTIC.problem)
-    certificate = accuracy.stored.find(made)
-    t = max(end.t for end in certificate.ends if end.t <= certificate.horizon)
-    assert (row["global_error_time"], row["reference_horizon"]) == (t, certificate.horizon)
-    again = integrate(made, "stormer-verlet", h=0.05, t_end=t)
-    assert row["global_error"] == exactly(made, t, again.q[-1], again.p[-1])
-    assert 100 * row["reference_uncertainty"] < row["global_error"] < 1
-    monkeypatch.setattr(accuracy.stored, "find", lambda problem: None)
-    assert accuracy.truth.__wrapped__(CHAOTIC.id).uncertainty > 1e-3, "the control"
-
-
 ALIKE = {
     *("scene", "problem", "purpose", "method", "h", "t_end", "status", "kind", "versions", "tier", "declared_order"),
     *("steps", "gradient", "iterations", "fallbacks", "global_error", "global_error_time", "reference_uncertainty"),
@@ -293,14 +276,12 @@ def test_table_is_loaded_to_the_last_digit(stored, tmp_path):
     ("ending", "change", "words"),
     [
         ("csv", lambda s: s.replace("1.23456789012345e-07", "1.23456789012346e-07"), "checksum"),
-        ("csv", lambda s: s[: s.rindex("avf")], "checksum"),
-        ("csv", lambda s: s.replace("method,h,error", "method,h,err"), "checksum"),
         ("csv", lambda s: "\x00", "checksum"),
         ("json", lambda s: "{", "its provenance beside it cannot be read"),
         ("json", lambda s: "[]", "its provenance beside it cannot be read"),
         ("json", lambda s: json.dumps(ORIGIN), "its provenance beside it cannot be read"),
     ],
-    ids=["digit", "line", "column", "binary", "cut", "list", "no checksum"],
+    ids=["digit", "binary", "cut", "list", "no checksum"],
 )
 def test_table_that_was_edited_is_refused(stored, tmp_path, ending, change, words):
     path = stored.with_suffix(f".{ending}")

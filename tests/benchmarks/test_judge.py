@@ -47,14 +47,12 @@ def test_structure_is_kept_up_to_a_hundred_floors(value, own, classical, kept, a
     ("slope", "half", "value", "bounded"),
     [
         (0.01, 0.001, 1.0, True),  # it adds up to a hundredth of the error
-        (0.011, 0.001, 1.0, False),
         (-0.011, 0.001, 1.0, False),
         (0.9, 0.9, 1.0, True),  # 0 is an end of its interval
         (-0.9, 0.9, 1.0, True),
         (0.9, 0.89, 1.0, None),  # not clear
         (0.9, 0.35, 1.0, False),
         (0.0, 0.01, 25.0, True),  # exactly a quarter of the energy scale
-        (0.0, 0.01, 26.0, None),
         (13.0, 0.01, 26.0, False),
         (1e-12, 0.0, 1e-11, True),  # round-off may drift
     ],
@@ -75,7 +73,6 @@ def test_error_is_bounded_or_drifts_by_its_slope(slope, half, value, bounded):
         (1.91, 0.5, True),
         (3.0, 0.85, False),
         (3.0, 0.9, None),  # its interval reaches the gate
-        (3.0, 0.95, None),
         (1.0, 0.85, False),
         (1.0, 0.9, None),
         (2.5, 0.01, None),  # between two orders
@@ -124,13 +121,11 @@ def rows_of(*orders):
 @pytest.mark.parametrize(
     ("decision", "claimed", "rows", "certificate", "audited"),
     [
-        (decide.order, 2, rows_of(2.0, 2.0), HOLDS, HOLDS),
         (decide.order, 2, rows_of(1.0, 1.0), CONTRADICTED, CONTRADICTED),
         (decide.order, 2, rows_of(3.0, 3.0), CONTRADICTED, UNDERSTATED),
         (decide.order, 2, rows_of(1.0, 2.0), CONTRADICTED, IN_PART),
         (decide.order, 2, rows_of(1.0), CONTRADICTED, UNJUDGED),
         (decide.order, 2, rows_of(2.0, 2.5, 2.5), UNJUDGED, HOLDS),
-        (decide.structure, True, (KEPT, KEPT), HOLDS, HOLDS),
         (decide.structure, True, (KEPT, OPEN), UNJUDGED, HOLDS),
         (decide.structure, True, (KEPT, BROKEN), CONTRADICTED, CONTRADICTED),
         (decide.structure, False, (KEPT, BROKEN), HOLDS, HOLDS),
@@ -267,15 +262,12 @@ INCONSISTENT = orders(2.0, 2.0, terms=(1.0, 1e-17))
     ("name", "claimed", "rows", "expected"),
     [
         ("order", 2, orders(2.0, 4.0), HOLDS),  # the symmetry of one system may raise the order
-        ("order", 2, orders(1.5, 1.5), UNJUDGED),
         ("order", 2, orders(2.0, 1.5), UNJUDGED),  # no evidence on a system that is not T + V
-        ("order", 2, orders(NAN, 2.0), UNJUDGED),
         ("order", 2, {"order": rows_of(2.5, 2.5, 2.0, 2.0)}, HOLDS),
         ("order", 2, {"order": rows_of(2.5, 2.5, 2.5, 2.0)}, UNJUDGED),
         ("order", 2, orders(2.0, 2.0, terms=(1e-17, 1e-11)), CONTRADICTED),  # cut coefficients
         ("order", 2, orders(2.0, 2.0, terms=(1e-17, ROUNDED)), HOLDS),
         ("order", 1, orders(1.0, 1.0, terms=(1e-17, 0.3)), HOLDS),  # it has no such coefficient
-        ("consistent", None, double(1e-15, 1e-14), HOLDS),
         ("consistent", None, double(1e-10, 1e-12), CONTRADICTED),
         ("consistent", None, double(1e-10, 1e-9), HOLDS),
         ("consistent", None, double(0.002, 0.01), UNJUDGED),
@@ -285,10 +277,8 @@ INCONSISTENT = orders(2.0, 2.0, terms=(1.0, 1e-17))
         *(("symplectic", x, {"symplectic": [KEPT | ELSEWHERE]} | INCONSISTENT, UNJUDGED) for x in (True, False)),
         *(("symplectic", True, defect(x), v) for x, v in ((0.9e-13, HOLDS), (2e-13, UNJUDGED), (2e-11, CONTRADICTED))),
         *(("symplectic", True, jump(x), v) for x, v in ((0.0, HOLDS), (2e-13, UNJUDGED), (2e-11, CONTRADICTED))),
-        ("symplectic", True, defect(9e-12), UNJUDGED),
         ("symplectic", True, defect() | long_runs(STAYS), HOLDS),
         ("symplectic", True, defect() | long_runs(DRIFTS), UNJUDGED),
-        ("energy", "preserved", long_runs(TINY), HOLDS),
         ("bilinear", "preserved", long_runs(STAYS), UNJUDGED),  # it was not measured
         ("stability", 200.0, stable(201.0), HOLDS),  # off by 0.5 %
         ("stability", 200.0, stable(201.1), CONTRADICTED),

@@ -33,7 +33,6 @@ def rung(steps, error):
     ("first", "factor", "most", "expected"),
     [
         (3.4, 2, inf, [3, 7, 14, 27]),
-        (0.1, 2, inf, [2, 4, 8, 16]),
         (4, 1.1, inf, [4, 5, 6, 7]),
         (4, 1.6, 11, [4, 6, 10]),
     ],
@@ -54,13 +53,10 @@ def test_tolerances_end_at_the_least_one(least, last):
     ("errors", "count"),
     [
         ([], 0),
-        ([1.0], 0),
         ([1.0, 0.69], 0),
         ([1.0, 0.71], 1),
-        ([1.0, 0.71, 0.71], 2),
         ([1.0, 0.8, 0.65], 2),
         ([1.0, 0.8, 0.55], 0),
-        ([1e-9, inf, 1.0], 2),
         ([inf, inf, 1.0, 1.0], 1),
         ([1e-3, nan], 1),
     ],
@@ -149,40 +145,27 @@ def test_time_is_of_the_run_whose_error_is_taken(id, name, rows, monkeypatch):
 
 
 class Law:
-    """A stand-in for an integrator: error (steps / scale)^-order, at least ``floor``, and ``step`` seconds per step."""
+    """A stand-in for an integrator: error (steps / 100)^-order, and ``step`` seconds per step; fewer steps fail."""
 
-    def __init__(
-        self,
-        label: str,
-        order: float,
-        step: float,
-        floor: float = 1e-16,
-        scale: float = 100.0,
-        side=OURS,
-        fails=0,
-        failing: float = 0.0,
-    ):
+    adaptive = stoppable = False
+    preparable = True
+    record = SimpleNamespace(least=1e-16)
+
+    def __init__(self, label: str, order: float, step: float, side=OURS, fails=0):
         self.label = self.id = label
-        self.order, self.step, self.floor, self.scale = order, step, floor, scale
+        self.order, self.step, self.fails = order, step, fails
         self.kind = "phasebench" if side == OURS else "heyoka"
-        self.adaptive = self.stoppable = False
-        self.preparable = True
-        self.record = SimpleNamespace(least=1e-16)
-        self.seen: list[int] = []
-        self.fails, self.failing = fails, failing  # runs with fewer steps fail, after this many seconds
 
     def run(self, problem, t_end, steps, save_every, **more):
         """A solution whose final state is off by the error that the number of steps gives."""
-        self.seen.append(steps)
-        error = max((steps / self.scale) ** -self.order, self.floor)
-        counts = {"steps": steps, "gradient": steps}
+        good = steps >= self.fails
         return SimpleNamespace(
             t=np.array([0.0, t_end]),
-            q=np.array([[0.0], [error]]),
+            q=np.array([[0.0], [max((steps / 100) ** -self.order, 1e-16)]]),
             p=np.zeros((2, 1)),
-            status="ok" if steps >= self.fails else "no-root",
-            seconds=self.step * steps if steps >= self.fails else self.failing,
-            counts=counts,
+            status="ok" if good else "no-root",
+            seconds=self.step * steps * good,
+            counts={"steps": steps, "gradient": steps},
             reason="",
         )
 
@@ -293,12 +276,9 @@ def test_final_names_the_cheapest_of_both_sides():
 # -- competitors -------------------------------------------------------------------------------------------------------
 
 
-def test_every_fast_mode_of_a_peer_competes():
+def test_peers_compete_in_their_fast_modes():
     labels = {c.label for c in competitors.competitors()}
-    assert {"heyoka", "heyoka-high-accuracy", "heyoka(compact_mode)", "heyoka-high-accuracy(compact_mode)"} <= labels
-    assert {f"rebound-ias15(adaptive_mode={m})" for m in ("individual", "global", "aarseth85")} <= labels
-    assert {"rebound-whfast", "rebound-whfast-plain", "rebound-saba-10-6-4", "rebound-bs"} <= labels
-    assert {"scipy-dop853-numba", "scipy-lsoda-numba", "scipy-ode(DOP853)", "scipy-odeint(LSODA)"} <= labels
+    assert {"heyoka-high-accuracy(compact_mode)", "rebound-ias15(adaptive_mode=aarseth85)"} <= labels
     fixed = [p.settings for p in competitors.peers() if p.settings.get("integrator") in ("whfast", "saba")]
     assert fixed
     assert all(s["safe_mode"] == 0 for s in fixed)
@@ -307,14 +287,13 @@ def test_every_fast_mode_of_a_peer_competes():
 def test_selection_for_many_degrees_of_freedom():
     can, cannot = competitors.able(problem("outer-solar-system"))
     labels = {c.label for c in can}
-    assert {"gauss-8", "stormer-verlet", "implicit-midpoint", "dop853-relaxation", "wisdom-holman"} <= labels
-    assert {"avf", "scheme-v", "rk4-projected-energy"}.isdisjoint(labels)
+    assert {"gauss-8", "stormer-verlet", "wisdom-holman"} <= labels
     assert all("degrees of freedom" in cannot[id] for id in ("avf", "scheme-v", "scheme-ii(lam=2)"))
     waves = {c.label for c in competitors.able(problem("nls"))[0]}
     assert {"implicit-midpoint", "gauss-5"}.isdisjoint(waves)
     assert "gauss-4" in waves, "of 2 d unknowns a stage, 512 in all"
     few, left_out = competitors.able(problem("henon-heiles"))
-    assert {"avf", "scheme-v", "rk4-projected-energy", "implicit-midpoint"} <= {c.label for c in few}
+    assert {"avf", "scheme-v"} <= {c.label for c in few}
     assert not any("degrees of freedom" in why for why in left_out.values())
 
 
@@ -340,17 +319,15 @@ def test_unstoppable_peers_are_left_out_of_long_spans():
 class Tolerant(Law):
     """A stand-in for an adaptive integrator whose error is the square of its tolerance."""
 
-    def __init__(self, label: str = "tolerant", side=PEERS):
-        super().__init__(label, 4, 1e-8, side=side)
-        self.adaptive = True
+    adaptive = True
 
     def run(self, problem, t_end, save_every, tol, **more):
         """A run with as many steps as the error needs."""
-        return super().run(problem, t_end, self.scale * tol**-0.5, save_every)
+        return super().run(problem, t_end, 100 * tol**-0.5, save_every)
 
 
 def test_rows_of_a_scene_list_steps_and_dropped_methods(monkeypatch):
-    laws = [Law("a", 4, 1e-8), Law("dear", 4, 1e-4), Law("b", 4, 2e-8, side=PEERS), Tolerant()]
+    laws = [Law("a", 4, 1e-8), Law("dear", 4, 1e-4), Law("b", 4, 2e-8, PEERS), Tolerant("tolerant", 4, 1e-8, PEERS)]
     monkeypatch.setattr(front, "task_of", lambda scene: pendulum_task(4))
     monkeypatch.setattr(front, "entrants", lambda asked: (laws, {"nobody": "it cannot"}))
     tables = front.measure("s")

@@ -371,7 +371,6 @@ def test_an_empty_value_of_a_key_is_one_of_its_values(tmp_path):
         ("rows", "error", "0.3333333"),
         ("rows", "seconds", "0.333333"),
         ("rows", "h", repr(1 / 3)),
-        ("rows", "ratio", repr(1 / 3)),
         ("rows", "of the key", repr(1 / 3)),
         ("toys", "error", repr(1 / 3)),
     ],
