@@ -62,13 +62,6 @@ def question_and_truth(accuracy=1e-4, quantity="jupiter.longitude", *light: str)
     return question, truths.truth(question.problem, question.quantity, T)
 
 
-@pytest.mark.parametrize("body", ["saturn", "pluto"])
-def test_error_of_leaving_a_body_out_agrees_with_rebound(body):
-    others = [n for n in NAMES if n != body]
-    expected = abs(longitude(*others) - longitude(*NAMES))
-    assert Models(*question_and_truth()).off(Model(left_out=(body,))) == pytest.approx(expected, rel=1e-3, abs=3e-12)
-
-
 def test_error_of_a_massless_planet_agrees_with_rebound():
     expected = abs(longitude(*NAMES, light=("jupiter",)) - longitude(*NAMES))
     found = Models(*question_and_truth())
@@ -76,23 +69,13 @@ def test_error_of_a_massless_planet_agrees_with_rebound():
     assert found.off(Model(left_out=("jupiter",))) == np.inf
 
 
-def test_more_bodies_are_left_out_at_less_accuracy():
-    found = Models(*question_and_truth())
-    at = {allowed: fewer_bodies.smallest_model(found, allowed)[0] for allowed in (1e-12, 1e-7, 1e-4, 1.0)}
-    assert at[1e-12] == Model()
-    assert set(at[1e-7].left_out) == {"pluto"}
-    assert set(at[1e-4].left_out) == {"pluto", "neptune"}
-    assert set(at[1.0].left_out) == set(NAMES)
-    for allowed, model in at.items():
-        assert model == Model() or found.off(model) <= allowed
-
-
 def test_bodies_are_left_out_while_all_of_them_together_do_not_matter():
     off = {"pluto": 1e-9, "neptune": 6e-5, "uranus": 7e-5}
     made_up = SimpleNamespace(
         bodies=system().bodies, off=lambda model: sum(off.get(name, 1.0) for name in (*model.left_out, *model.light))
     )
-    assert {*fewer_bodies.smallest_model(made_up, 1e-4)[0].left_out} == {"pluto", "neptune"}
+    for allowed, left_out in ((1e-12, set()), (1e-7, {"pluto"}), (1e-4, {"pluto", "neptune"}), (2e-4, {*off})):
+        assert {*fewer_bodies.smallest_model(made_up, allowed)[0].left_out} == left_out
 
 
 def candidate(question, true, id="wisdom-holman", steps=100):
@@ -207,7 +190,6 @@ def test_span_is_answered_by_the_next_longer_ladder(monkeypatch):
     ],
 )
 def test_questions_without_a_ladder(monkeypatch, more):
-    assert lower(monkeypatch, scene()) is not None
     assert lower(monkeypatch, scene(), **more) is None
 
 
