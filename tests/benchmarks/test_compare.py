@@ -22,7 +22,6 @@ from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.store import compare, history, lines, schema, tables
 from phasebench.benchmarks.store.compare import EXACT, MISSING, PRESENT, ROW, Band, differences, match
 from phasebench.benchmarks.store.journal import Entry
-from phasebench.benchmarks.store.shipped import ShippedTable
 from phasebench.integrators.errors import InvalidInput
 from support import toy_cells
 from support.commands import call
@@ -55,12 +54,9 @@ def found(measured, stored, limits=LIMITS, key=KEY) -> list[tuple]:
     ("column", "value", "row", "seen"),
     [
         ("error", 1.26e-7, 0, True),
-        ("error", 0.0, 0, True),
         ("error", NAN, 0, True),
-        ("error", 1.0, 1, True),
         ("error", 1.0, 2, True),
         ("error", "lots", 0, True),
-        ("status", "diverged", 0, True),
         ("status", "ok", 2, True),
         ("good", False, 0, True),
         ("error", 1.246e-7, 0, False),  # within its band of 1 %
@@ -99,13 +95,10 @@ OWN = f"{compare.OF_THE_MACHINE} 150 steps"
     [
         ("matrix", [{"order": 2.2, "reversibility": 2e-25}], [{"order": "2.0", "reversibility": "1e-30"}], {"order"}),
         ("matrix", [{"order": 2.0002}], [{"order": "2.0"}], set()),
-        ("matrix", [{}], [{"order": "2.0"}], {"order"}),
-        ("matrix", [{"order": 2.0, "status": "diverged"}], [{"order": "2.0", "status": "ok"}], {"status"}),
         *(("matrix", [{"order": 2.0}] * n, [{"order": "2.0"}] * 2, {ROW}) for n in (0, 1, 3)),
         ("matrix", [{"order": 2.0}] * 2, [{"order": "2.0"}] * 2, set()),
         ("matrix", [], [], {ROW}),  # nothing was compared
         ("references", [{"uncertainty": 5e-30 * (1 + 1e-12)}], [{"uncertainty": "5e-30"}], {"uncertainty"}),
-        ("references", [{"uncertainty": 5e-30}], [{"uncertainty": "5e-30"}], set()),
         ("kepler", [AGAIN, LONGER], [KEPLER], set()),  # the length of a ladder depends on the machine's speed
         ("kepler", [AGAIN], [KEPLER, {"setting": "300 steps"}], set()),
         ("kepler", [AGAIN | {"closed form": 0.1201}, LONGER], [KEPLER], {"closed form"}),
@@ -166,7 +159,6 @@ def test_runs_that_do_not_differ():
     ("column", "value", "kind"),
     [
         ("status", lambda x: "diverged", history.STATUS),
-        ("global_error", lambda x: 1.6 * x, history.WORSE),
         ("global_error", lambda x: x / 1.6, history.BETTER),
         ("global_error", lambda x: 1.4 * x, None),
         ("global_error", lambda x: np.nan, history.GONE),
@@ -219,19 +211,11 @@ def test_command_compares_folders_files_and_commits(tmp_path, monkeypatch):
 
 def test_names_without_comparable_runs_are_invalid(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in ("empty", "a", "b"):
-        (tmp_path / name).mkdir()
     for name in "ab":
+        (tmp_path / name).mkdir()
         table().to_csv(tmp_path / name / f"{name}.csv", index=False)
-    (tmp_path / "t.csv").write_text("")
     (tmp_path / "t.jsonl").write_text('{"schema": 99, "method": "a"}\n')
-    for name, words in (
-        ("none", "'none' is neither a folder"),
-        ("--output=x", "nor a commit$"),
-        ("empty", "empty has no tables"),
-        ("t.csv", "cannot be read"),
-        ("t.jsonl", "schema 99"),
-    ):
+    for name, words in (("--output=x", "nor a commit$"), ("t.jsonl", "schema 99")):
         with pytest.raises(InvalidInput, match=words):
             history.load(name)
     with pytest.raises(InvalidInput, match="have no table in common"):
@@ -301,23 +285,6 @@ def test_no_version_is_version_1_and_a_newer_one_is_refused(tmp_path, stated, re
 # -- tables that are shipped with the package --------------------------------------------------------------------------
 
 
-def test_saved_table_is_loaded_once(tmp_path):
-    def build(rows):
-        return [{"name": r["name"], "double": 2 * r["x"]} for r in rows]
-
-    table = ShippedTable(
-        tmp_path / "t.csv", build, lambda found: {line["name"]: float(line["double"]) for line in found}
-    )
-    rows = [{"name": "a, b", "x": 0.1}, {"name": "c", "x": 1 / 3}]
-    assert table.load() == {}, "there is no file"
-    table.save(rows)
-    assert table.load() == {"a, b": 0.2, "c": 2 / 3}
-    assert table.load() is table.load()
-    assert table.path.read_text() == table.text(rows)
-    table.save(rows[1:])
-    assert table.load() == {"c": 2 / 3}
-
-
 def stored_rows(name: str) -> list[dict]:
     frame, _ = tables.read(REPORTS, name)
     return frame.to_dict("records")
@@ -339,5 +306,7 @@ def test_shipped_file_equals_what_its_rows_give(name):
     given = [*arguments(*map(stored_rows, measured))]
     if name == "prior":
         given[1] &= table.load().competitors  # without methods added since
-    assert distinct(table.text(*given), name) == distinct(table.path.read_text(), name)
+    text = table.path.read_text()
+    assert distinct(table.text(*given), name) == distinct(text, name)
+    assert table.load() == table.parse(list(csv.DictReader(io.StringIO(text))))
     assert table.parse([]) != table.load(), "the control: of no rows it is another"
