@@ -353,3 +353,17 @@ def test_unused_plugin_imports_nothing_heavy(tmp_path):
     done = run(tmp_path, "pytest", *LOAD, *others, "-q", "-s", "test_other.py")
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads(re.search(r"LOADED (.*)", done.stdout)[1]) == []
+
+
+def test_true_claims_return_and_false_claims_fail(request):
+    claims_hold = importlib.import_module(PLUGIN).claims_hold
+    for requires in ("separable", ("separable",)):
+        found = claims_hold(leapfrog, requires=requires, order=2)
+        assert (found.verdict, found.requires, found.seed, found.offers) == ("pass", ("separable",), 0, [])
+    with pytest.raises(pytest.fail.Exception, match="order 3: contradicted") as failure:
+        claims_hold(leapfrog, requires="separable", seed=4, order=3)
+    assert not failure.value.pytrace, "what is wrong is no line of ours"
+    with pytest.raises(TypeError):
+        claims_hold(leapfrog, "separable")
+    if REGISTERED:
+        assert request.getfixturevalue("phasebench_claims")(leapfrog, requires="separable", order=2).verdict == "pass"

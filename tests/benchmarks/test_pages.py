@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -252,3 +253,29 @@ def test_a_few_pixels_of_a_colour_keep_it(tmp_path):
         pixels = np.asarray(image.convert("RGB")).reshape(-1, 3).astype(int)
     green = [int(style.GREEN[i : i + 2], 16) for i in (1, 3, 5)]
     assert np.abs(pixels - green).max(axis=1).min() <= 4
+
+
+def boxes(figure, axis):
+    """The boxes of an axis's visible tick labels, in pixels, from the left to the right."""
+    low, high = sorted(axis.get_view_interval())
+    ticks = [t for t in (*axis.get_major_ticks(), *axis.get_minor_ticks()) if low <= t.get_loc() <= high]
+    labels = [t.label1 for t in ticks if t.label1.get_text()]
+    return sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
+
+
+@pytest.mark.parametrize(
+    ("columns", "span", "inverted"),
+    [(1, (2e-5, 1.1e-4), False), (4, (1.7e-6, 5.5e-5), True), (3, (130, 4800), False), (4, (60, 200), False)],
+)
+def test_labels_of_a_logarithmic_axis_do_not_overlap(columns, span, inverted, tmp_path):
+    with style.settings():
+        figure, ((axes, *_),) = style.panels(1, columns, 3.0)
+        axes.loglog(span, (1e-9, 1.0))
+        if inverted:
+            axes.invert_xaxis()
+            figure.draw_without_rendering()
+            assert any(a.x1 >= b.x0 for a, b in pairwise(boxes(figure, axes.xaxis))), "the control: matplotlib's own"
+        style.write(figure, tmp_path / "x.png")
+        found = boxes(figure, axes.xaxis)
+        assert len(found) >= 2
+        assert all(a.x1 < b.x0 for a, b in pairwise(found))
