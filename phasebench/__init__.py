@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from phasebench.benchmarks.measure.ensembles import Section as Section
     from phasebench.benchmarks.measure.ensembles import integrate_ensemble as integrate_ensemble
     from phasebench.benchmarks.measure.ensembles import section as section
+    from phasebench.benchmarks.measure.integration import integrate as integrate
+    from phasebench.benchmarks.measure.integration import prepare as prepare
     from phasebench.benchmarks.measure.integrator import Integrator as Integrator
-    from phasebench.benchmarks.measure.integrator import integrate as integrate
     from phasebench.benchmarks.measure.integrator import integrator as integrator
-    from phasebench.benchmarks.measure.integrator import prepare as prepare
     from phasebench.benchmarks.measure.oscillator import Stability as Stability
     from phasebench.benchmarks.measure.oscillator import stability as stability
     from phasebench.benchmarks.measure.own_step import System as System
@@ -100,13 +100,13 @@ _HOMES = {
     "audit": "benchmarks.audit.audit",
     "certify": "benchmarks.measure.certify",
     "drift": "benchmarks.measure.series",
-    "integrate": "benchmarks.measure.integrator",
+    "integrate": "benchmarks.measure.integration",
     "integrate_ensemble": "benchmarks.measure.ensembles",
     "integrator": "benchmarks.measure.integrator",
     "lyapunov": "benchmarks.measure.chaos",
     "method": "integrators",
     "planetary_system": "benchmarks.problems.planetary",
-    "prepare": "benchmarks.measure.integrator",
+    "prepare": "benchmarks.measure.integration",
     "problem": "benchmarks.problems",
     "section": "benchmarks.measure.ensembles",
     "stability": "benchmarks.measure.oscillator",

@@ -26,7 +26,8 @@ from phasebench.integrators.driver import OK
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.keywords import Parameters, State, States, method_parameters
 
-from .integrator import AnyProblem, Integrator, integrate, integrator, parameters_of
+from .integration import integrate
+from .integrator import AnyProblem, Integrator, integrator, parameters_of
 from .lyapunov import tangent_maps
 from .metrics import CONFIDENCE
 from .tabular import TabularResult

@@ -1,31 +1,160 @@
-"""Rows of a solution where they are wanted: at given times, and where functions of the state vanish (events)."""
+"""`integrate` and `prepare`; rows at given times, and where functions of the state vanish (events)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.benchmarks.problems.units import span
 from phasebench.integrators import section
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.keywords import Parameters, State, method_parameters, rename_arguments
+from phasebench.integrators.prepared import PreparedRun
+from phasebench.integrators.record import Method
 from phasebench.integrators.request import grid, spacing
 from phasebench.integrators.statuses import NOT_CONVERGED
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 from phasebench.reference.peers import Peer
+from phasebench.reference.peers.prepared import PreparedPeer
 
+from .ensembles import Section, fields_of, integrate_ensemble
+from .integrator import AnyProblem, Integrator, integrator, parameters_of
+from .own_step import Step
 from .solution import Solution
 
 if TYPE_CHECKING:
     from phasebench.integrators.solution import Floats
     from phasebench.integrators.solution import Solution as Rows
 
-    from .integrator import Integrator
-
 #: A run that an event may stop begins with this share of its steps, and is made again with twice as many.
 SHARE = 64
 #: The round-off of times, relative to them: a row so close to a wanted time is taken as it is.
 CLOSE = 8 * np.finfo(float).eps
+
+
+@rename_arguments(timeout="time_limit")
+@method_parameters(parameters_of)
+def integrate(
+    problem: AnyProblem,
+    method: str | Path | Method | Peer | Integrator | Step,
+    *,
+    h: float | str | None = None,
+    t_end: float | str | None = None,
+    steps: int | None = None,
+    tol: float | None = None,
+    t0: float | str = 0.0,
+    q0: State | None = None,
+    p0: State | None = None,
+    save_every: int = 1,
+    t_eval: Sequence[float] | np.ndarray | None = None,
+    events: Mapping[str, str] | None = None,
+    stop: str | Iterable[str] = (),
+    time_limit: float | None = None,
+    parameters: Parameters | None = None,
+) -> Solution:
+    """Integrate a problem with a method of this project, a peer, or a user's own step.
+
+    Parameters
+    ----------
+    problem : a system; a problem; a registered name such as ``"henon-heiles:box"``; or the path of a file with one
+    method : an id of a method or a peer; a record; a function ``step(system, q, p, h) -> (q, p)``; or the path of a
+        file with one
+    h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end.  For an adaptive
+        peer they set the grid of its rows, and t_end alone gives start and end.  If the problem has a unit of time,
+        times may have one too: ``h="1 day", t_end="1e4 yr"``.  A t_end before t0, or a negative h with steps, goes back
+        in time
+    tol : an adaptive peer's tolerance
+    t0 : the time at the start; the system does not depend on it
+    q0, p0 : arrays (d,), the initial state if not the problem's
+    save_every : save every Nth state, and the last; 0 saves the first and the last
+    t_eval : array (m,), times at which to save states instead, each by a shorter step from the one before it
+    events : functions of the coordinates and momenta whose zeros are wanted, by name: ``{"turn": "x*px + y*py"}``; they
+        are found between steps (`section`), in ``events`` of the solution, whatever direction the sign changes in
+    stop : name or names of events; the solution ends at the first of them
+    time_limit : seconds after which the integration stops with status "timeout"; a peer cannot be stopped
+    parameters : values of the method's parameters, ``{"lam": "1/3"}``: numbers, NumPy scalars, fractions or text
+
+    Returns
+    -------
+    Solution
+        t (n,), q and p (n, d), status, reason, counts, seconds; energy(), invariants(), error(), to_frame()
+
+    Raises
+    ------
+    InvalidInput
+        For unusable input; a failure on the way (a blow-up, a stage not solved) is a status instead.
+
+    Examples
+    --------
+    >>> integrate("pendulum", "scheme-i", h=0.1, steps=10, parameters={"lam": "1/3"}).status
+    'ok'
+    """
+    chosen = integrator(method, parameters=parameters)
+    if time_limit is not None and not chosen.stoppable:
+        raise InvalidInput(f"'{chosen.id}' cannot be stopped: leave out the time limit")
+    found = _problem(problem, chosen, q0)
+    unit = getattr(found, "time_unit", "")
+    times = {name: span(t, unit, name) for name, t in (("h", h), ("t_end", t_end), ("t0", t0))}
+    run = {"steps": steps, "tol": tol, "q0": q0, "p0": p0, "save_every": save_every, "timeout": time_limit, **times}
+    if t_eval is None and not events and not stop:
+        return Solution.of(chosen.run(found, **run))
+    return _wanted(chosen, found, Wanted.of(t_eval, events, stop), **run)
+
+
+@method_parameters(parameters_of)
+def prepare(
+    problem: AnyProblem,
+    method: str | Path | Method | Peer | Integrator,
+    *,
+    tol: float | None = None,
+    q0: State | None = None,
+    p0: State | None = None,
+    parameters: Parameters | None = None,
+) -> PreparedRun | PreparedPeer:
+    """A compiled run for many short integrations: ``run(h, steps)``, or ``run(t_end)`` for an adaptive peer.
+
+    A call consists of a reset to the initial state and the package's own call only; it returns (q, p, status).
+
+    Parameters
+    ----------
+    problem : a system, if q0 and p0 are given; a problem; a registered name such as ``"henon-heiles:box"``; or the
+        path of a file with one
+    method, parameters : an id of a method or a peer, or a record; and values of a method's parameters
+    tol : an adaptive peer's tolerance
+    q0, p0 : arrays (d,), the initial state if not the problem's
+
+    Raises
+    ------
+    InvalidInput
+        For unusable input, or an integrator that cannot be prepared (a user's own step).
+
+    Examples
+    --------
+    >>> run = prepare("pendulum", "stormer-verlet")
+    >>> run(0.01, 100)[2]
+    'ok'
+    >>> prepare("pendulum", "heyoka", tol=1e-9)(1.0)[2]
+    'ok'
+    """
+    chosen = integrator(method, parameters=parameters)
+    return chosen.prepare(_problem(problem, chosen, q0), tol=tol, q0=q0, p0=p0)
+
+
+def _problem(problem: Any, method: Integrator, q0: State | None) -> Any:
+    """The problem, by its name; a bare system gets the Kepler part found at q0 if the method requires one."""
+    if isinstance(problem, (str, Path)):
+        return problem_of(problem)
+    needs = "Kepler part" in getattr(method.record, "requires", ())
+    if not needs or q0 is None or not isinstance(problem, PartitionedSystem):
+        return problem
+    from phasebench.benchmarks.problems.kepler_found import with_kepler_part
+
+    return with_kepler_part(problem, np.asarray(q0, float))
 
 
 class Wanted(NamedTuple):
@@ -37,7 +166,7 @@ class Wanted(NamedTuple):
 
     @classmethod
     def of(cls, t_eval: Any, events: Any, stop: str | Iterable[str]) -> Wanted:
-        """Check the arguments of `integrator.integrate`; raises InvalidInput."""
+        """Check the arguments of `integrate`; raises InvalidInput."""
         times = None
         if t_eval is not None:
             try:
@@ -58,7 +187,7 @@ class Wanted(NamedTuple):
         return cls(times, events, names)
 
 
-def integrate(
+def _wanted(
     chosen: Integrator, problem: Any, wanted: Wanted, *, save_every: int, tol: float | None, **run: Any
 ) -> Solution:
     """Integrate, and keep the rows that are wanted; ``run`` has the other arguments of `Integrator.run`."""
@@ -113,8 +242,6 @@ def _check_order(times: Floats, t0: float, span: float) -> None:
 
 
 def _until(found: section.Section, end: float, h: float) -> section.Section:
-    from .ensembles import Section, fields_of
-
     kept = np.sign(h) * (found.t - end) <= 0
     return Section(**fields_of(found) | {x: getattr(found, x)[kept] for x in ("orbit", "t", "q", "p")})
 
@@ -130,8 +257,6 @@ def _thinned(full: Rows, save_every: int, end: float) -> Rows:
 
 def _at_times(chosen: Integrator, problem: Any, full: Rows, times: Floats, end: float, tol: float | None) -> Rows:
     """The states at some times: those of rows, or after one shorter step of the integrator from the row before."""
-    from .ensembles import integrate_ensemble
-
     way = np.sign(full.h)
     times = times[way * (times - end) <= CLOSE * abs(end)]
     at = np.searchsorted(way * full.t, way * times, side="right") - 1
