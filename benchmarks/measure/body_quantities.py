@@ -133,10 +133,3 @@ def _of_rows(
     value: Callable, body: int, problem: PlanetarySystem, t: np.ndarray, q: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
     return value(problem, body, q, p)
-
-
-def body_of(problem: Problem, quantity: Quantity) -> str | None:
-    """Return the name of the body of a quantity such as jupiter.longitude; None if it is not a body's quantity."""
-    found = getattr(problem, "bodies", None)
-    name, mark, kind = quantity.name.rpartition(".")
-    return name if found is not None and mark and kind in KINDS and name in found.names else None

@@ -77,7 +77,7 @@ def path_of(module: str, root: Path = ROOT) -> Path | None:
 def imports(source: str | ast.AST, module: str, package: bool = False) -> set[str]:
     """Dotted names of everything that a source imports, also inside functions; ``package`` marks an __init__.py.
 
-    What only a type checker reads (``if TYPE_CHECKING:``) is left out.
+    What only a type checker reads (``if TYPE_CHECKING:``) is left out, and a package of which modules alone are named.
     """
     parts = module.partition(":")[0].split(".")
     names = set()
@@ -87,7 +87,8 @@ def imports(source: str | ast.AST, module: str, package: bool = False) -> set[st
         elif isinstance(node, ast.ImportFrom):
             home = parts[: len(parts) - node.level + package] if node.level else []
             base = ".".join([*home, *([node.module] if node.module else [])])
-            names |= {base, *(f"{base}.{a.name}" for a in node.names)}
+            found = {f"{base}.{a.name}" for a in node.names}
+            names |= found if all(map(path_of, found)) else {base, *found}
     return names
 
 

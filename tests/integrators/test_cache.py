@@ -5,6 +5,7 @@ Of two compiled functions of one name neither is taken for the other.
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import io
 import logging
@@ -30,7 +31,7 @@ from numba import types
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate, method
-from phasebench.integrators.compile import cache, machine, preparation, printing, progress
+from phasebench.integrators.compile import cache, machine, options, preparation, printing, progress
 from phasebench.integrators.families import splitting
 from phasebench.integrators.stepping import kernel, newton
 from phasebench.integrators.systems import deferred
@@ -447,3 +448,34 @@ def test_long_compilations_are_announced_where_somebody_looks(stream, shown, mon
         with progress.on_stderr("compiling ..."), progress.on_stderr("compiling another ..."):
             time.sleep(0.1)
         assert sys.stderr.getvalue() == written
+
+
+# -- what kernels rarely call -----------------------------------------------------------------------------------------
+
+
+def twice(x):
+    return 2.0 * x
+
+
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_a_rare_function_is_compiled_when_it_is_first_called(monkeypatch, interrupted):
+    """Ctrl-C at that time is raised in Python, once the call is over."""
+    made, compiles = machine.Function._compile, []
+
+    def compile_(function):
+        compiles.append(function)
+        if interrupted and len(compiles) == 1:
+            raise KeyboardInterrupt
+        return made(function)
+
+    monkeypatch.setattr(machine.Function, "_compile", compile_)
+    rare = machine.Function(twice, types.float64(types.float64), options.TUPLES, "twice", rare=True)
+    call = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(rare.__wrapper_address__())
+    assert not compiles
+    before = machine.waited()
+    assert [call(3.0), call(4.0)] == [6.0, 8.0]
+    assert len(compiles) == 1 + interrupted
+    assert machine.waited() > before
+    if interrupted:
+        with pytest.raises(KeyboardInterrupt):
+            time.sleep(10)
