@@ -137,7 +137,8 @@ def _of_orbit(system: Any, s: Any) -> tuple[float, float, float, float, float, s
         return (*4 * (float("nan"),), span, s.status)
     if len(s.t) < FEWEST:
         raise InvalidInput(f"the orbit has {len(s.t)} rows; an exponent needs {FEWEST}: take more steps")
-    grown = _growth(system, s.t, s.q, s.p)
+    whole = s.whole or s
+    grown = _growth(system, s.t, whole.q, whole.p)
     t = np.abs(s.t - s.t[0])
     first = int(np.searchsorted(t, TURNING * t[-1]))
     total = np.concatenate([[0.0], np.cumsum(grown)])
@@ -152,13 +153,15 @@ def _of_orbit(system: Any, s: Any) -> tuple[float, float, float, float, float, s
 
 def _growth(system: Any, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     """The logarithm of the growth of a tangent vector from row to row, array (n - 1,)."""
-    delta = np.cos(np.arange(1, 2 * q.shape[1] + 1))
+    d = q.shape[1] - system.driven
+    real = np.ix_(*2 * (np.concatenate([np.arange(d), q.shape[1] + np.arange(d)]),))  # the time is not displaced
+    delta = np.cos(np.arange(1, 2 * d + 1))
     delta /= np.linalg.norm(delta)
     out = np.empty(len(t) - 1)
     for k in range(0, len(out), AT_ONCE):
         part = slice(k, k + AT_ONCE + 1)
         for j, M in enumerate(tangent_maps(system, t[part], q[part], p[part]), start=k):
-            delta = M @ delta
+            delta = M[real] @ delta
             size = np.linalg.norm(delta)
             out[j] = np.log(size)
             delta /= size

@@ -32,15 +32,16 @@ def solution(found: Solution) -> Figure:
         energy = found.energy()
         left.plot(found.t[some], (energy - energy[0])[some], **look)
         left.axhline(0, color=style.GREY, linewidth=0.6)
-        left.set(xlabel="time", ylabel="energy error H - H(0)", title=title)
+        left.set(xlabel="time", ylabel="H - H(0)" if system.driven else "energy error H - H(0)", title=title)
     else:
         left.plot(found.t[some], found.q[some, 0], **look)
         left.set(xlabel="time", ylabel=str(system.q[0]), title=f"{title}; no energy")
-    x, y = (found.q[:, 0], found.q[:, 1]) if system.d > 1 else (found.q[:, 0], found.p[:, 0])
-    names = (system.q[0], system.q[1]) if system.d > 1 else (system.q[0], system.p[0])
+    several = found.q.shape[1] > 1
+    x, y = (found.q[:, 0], found.q[:, 1]) if several else (found.q[:, 0], found.p[:, 0])
+    names = (system.q[0], system.q[1]) if several else (system.q[0], system.p[0])
     right.plot(x[some], y[some], **look)
     right.plot(x[0], y[0], "o", color=style.VERMILION, label="start")
-    right.set(xlabel=str(names[0]), ylabel=str(names[1]), title="orbit" if system.d > 1 else "phase portrait")
+    right.set(xlabel=str(names[0]), ylabel=str(names[1]), title="orbit" if several else "phase portrait")
     right.legend(loc="best")
     return figure
 

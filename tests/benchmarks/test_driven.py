@@ -93,6 +93,21 @@ def test_ensembles_events_and_prepared_runs():
     assert stopped.q[-1] == pytest.approx(0.0, abs=1e-12)
 
 
+def test_the_exponent_of_an_unstable_oscillator_is_floquets():
+    """That of the trace of the matrix over a period of q'' = -(1 + cos 2t) q, which is pi."""
+    unstable = pb.Hamiltonian(q="q", p="p", H="p**2/2 + (1 + cos(2*t))*q**2/2")
+    ends = [end(pb.integrate(unstable, "heyoka", t_end=np.pi, q0=[1 - k], p0=[k])) for k in (0.0, 1.0)]
+    exact = np.arccosh(abs(np.trace(ends)) / 2) / np.pi
+    found = pb.lyapunov(unstable, "gauss-8", h=np.pi / 40, steps=8000, q0=[1e-100], p0=[0.0])
+    assert found.exponent[0] == pytest.approx(exact, rel=1e-3)
+    assert exact > 0.1
+
+
+def test_its_figure_is_a_phase_portrait():
+    axes = pb.integrate(DRIVEN, "rk4", h=0.1, t_end=5.0, **START).plot().axes
+    assert [x.get_ylabel() for x in axes] == ["H - H(0)", "p"]
+
+
 def test_command_line():
     told = ["--hamiltonian", SWING, "--q", "1", "--p", "0.5", "--h", "0.1", "--t-end", "10", "--error"]
     found = integrate_json("gauss-8", *told)
