@@ -35,7 +35,7 @@ DATA = (
     f"{PACKAGE}.benchmarks.store",
     f"{PACKAGE}.benchmarks.style",
 )
-#: Modules that no number depends on: they keep files, show progress, word messages.
+#: Modules that no number depends on: they keep files, show progress, word messages, draw.
 SILENT = frozenset(
     f"{PACKAGE}.{name}"
     for name in (
@@ -46,6 +46,7 @@ SILENT = frozenset(
         "integrators.compile.progress",
         "integrators.errors",
         "integrators.systems.deferred",
+        "benchmarks.measure.figures",
         "reference.files",
         "reference.installed",
     )
