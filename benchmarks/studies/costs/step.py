@@ -37,7 +37,10 @@ STEPS_OF, RATIOS, WANTED = "speed", "ratios", "wanted, at most"
 H, STEPS, ROUNDS = 0.01, 10_000, 11
 HENON, KEPLER = "henon-heiles:chaotic", "perturbed-kepler"
 #: Traits of the problems that methods require: of all, and of each.
-EVERYWHERE = {"Poisson structure", "canonical", "separable", "quadratic kinetic energy", "elementary derivatives"}
+EVERYWHERE = {
+    *("Poisson structure", "canonical", "separable"),
+    *("quadratic kinetic energy", "constant mass matrix", "elementary derivatives"),
+}
 PROBLEMS = {
     "pendulum:swinging": EVERYWHERE,
     HENON: EVERYWHERE | {"linear fast part"},
