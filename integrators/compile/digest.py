@@ -56,8 +56,9 @@ WORDED = frozenset(
     f"{PACKAGE}.integrators.{name}"
     for name in ("driver", "outcome", "prepared", "request", "solution", "statuses", "trajectory")
 )
-#: The entry of `store` with what this module found in source files: their hash -> [digest, names of imported modules].
+#: How source files are read: a change of it must not find what was found in another way.
 HOW = b"".join(Path(__file__).with_name(name).read_bytes() for name in ("digest.py", "essence.py"))
+#: The entry of `store` with what was found in source files: their hash -> [digest, names of imported modules].
 KNOWN = f"sources-{hashlib.sha256(HOW).hexdigest()[:16]}.json"
 #: The most files of which it is kept.
 MOST = 5000
