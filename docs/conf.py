@@ -34,7 +34,7 @@ _TALKS = {
     "talks-schemes": ("talks-generating",),
 }
 redirects = {f"reports/{old}": f"{new}.html" for new, names in _TALKS.items() for old in names}
-exclude_patterns = ["_build", "_ext", "_generated", "tests"]
+exclude_patterns = ["_build", "_ext", "_generated", "paper", "tests"]
 
 # Pages that run are Markdown with cells; a page that has not changed is taken from the cache.
 nb_execution_mode = os.environ.get("PHASEBENCH_DOCS_EXECUTE", "cache")

@@ -79,6 +79,15 @@ def test_output_in_readme_is_what_the_command_prints():
     assert refresh["refreshed"](wrong) == stability != wrong
 
 
+def test_numbers_of_the_paper_are_those_of_the_pages():
+    paper = (ROOT / "docs" / "paper" / "paper.md").read_text(encoding="utf-8")
+    answered = runpy.run_path(str(ROOT / "docs" / "readme.py"))["answered"]
+    assert answered(paper) == paper
+    wrong = re.sub(r"\d+ of \d+", "1 of 2", paper)
+    assert answered(wrong) == paper != wrong
+    assert len(re.sub(r"<!--.*?-->|^---.*?^---", "", paper, flags=re.DOTALL | re.MULTILINE).split()) <= 1000
+
+
 def test_readme_fits_a_screen_or_two():
     assert len(DOCUMENTS["README.md"].splitlines()) <= 110
 
