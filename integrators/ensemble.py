@@ -342,7 +342,7 @@ def _grids(h: float | State | None, t_end: float | None, steps: int | None, n: i
     if np.ndim(h) == 0:
         size, number = grid(h, t_end, steps)
         return np.full(n, size), np.full(n, number)
-    different, which = np.unique(_column("h", h, n), return_inverse=True)
+    different, which = np.unique(column("h", h, n), return_inverse=True)
     grids = [grid(x, t_end, steps) for x in different.tolist()]
     return np.array([x for x, _ in grids])[which], np.array([k for _, k in grids])[which]
 
@@ -362,7 +362,7 @@ def _states(name: str, rows: States, system: PartitionedSystem) -> np.ndarray:
     return out
 
 
-def _column(name: str, values: Value | State, n: int) -> np.ndarray:
+def column(name: str, values: Value | State, n: int) -> np.ndarray:
     """``values``, one number or one for each of n orbits, as an array; raises InvalidInput for another shape."""
     out = np.asarray(values)
     if out.ndim > 1 or (out.ndim == 1 and len(out) != n):
@@ -376,7 +376,7 @@ def _methods(method: Any, parameters: Mapping, n: int) -> tuple[list[Method], np
         if parameters:
             raise InvalidInput(f"'{method.id}' has no parameters such as {', '.join(parameters)}")
         return [method], np.zeros(n, int)
-    columns = {name: _column(f"the parameter {name}", x, n).tolist() for name, x in parameters.items() if np.ndim(x)}
+    columns = {name: column(f"the parameter {name}", x, n).tolist() for name, x in parameters.items() if np.ndim(x)}
     same = {name: x for name, x in parameters.items() if name not in columns}
     if not columns:
         return [method_of(method, **same)], np.zeros(n, int)

@@ -244,8 +244,6 @@ def begin(
 
     Raises InvalidInput.
     """
-    system = getattr(problem, "system", problem)
-    _watched(system, of)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise InvalidInput(f"every is {every!r}; it must be a positive integer")
     asked = ensemble.request(problem, method, Q, P, save_every=every, **run)

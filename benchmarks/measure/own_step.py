@@ -11,7 +11,8 @@ A file is plain Python::
     REQUIRES = ("separable",)
 
 q and p are read-only arrays (d,); the step returns new ones.  CLAIMS and REQUIRES (traits that the system must have)
-are optional.  With ``REQUIRES = ("magnetic",)`` it may be ``step(system, x, v, h)``, see `particle_step`.  With
+are optional.  A step that is called with the time is ``step(system, q, p, h, t)``, see `timed_step`.  With
+``REQUIRES = ("magnetic",)`` it may be ``step(system, x, v, h)``, see `particle_step`.  With
 ``REQUIRES = ("constrained",)`` it is a step on the manifold of constraints g(q) = 0: it has ``system.g(q)`` (m,) and
 ``system.G(q)`` = g_q (m, d), and ``dH_dq``, ``dH_dp`` are those of H without them.
 """
@@ -39,7 +40,7 @@ from phasebench.integrators.request import check_timeout, request
 from phasebench.integrators.systems.magnetic import CLASSICAL
 from phasebench.reference.peers.run import ending
 
-from . import particle_step
+from . import particle_step, timed_step
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -82,6 +83,8 @@ class OwnStep:
     def __post_init__(self) -> None:
         if particle_step.TRAIT in self.requires and particle_step.in_velocities(self.step):
             object.__setattr__(self, "step", particle_step.InMomenta(self.step))
+        elif timed_step.in_time(self.step) and not isinstance(self.step, timed_step.InTime):
+            object.__setattr__(self, "step", timed_step.InTime(self.step))
 
     @property
     def label(self) -> str:
@@ -188,13 +191,16 @@ Step = Callable[[System, Floats, Floats, float], tuple[ArrayLike, ArrayLike]]
 
 
 def from_function(step: Callable) -> OwnStep:
-    """Make an `OwnStep` of a function (system, q, p, h) -> (q, p); raise InvalidInput if it takes other arguments."""
+    """Make an `OwnStep` of a function (system, q, p, h) -> (q, p), or (system, q, p, h, t) -> (q, p).
+
+    Raises InvalidInput if it takes other arguments.
+    """
     code = getattr(step, "__code__", None) or getattr(type(step).__call__, "__code__", None)
     where = code.co_filename if code else "the step"
     try:
-        inspect.signature(step).bind("system", "q", "p", "h")
+        inspect.signature(step).bind("system", "q", "p", "h", *(["t"] if timed_step.in_time(step) else []))
     except TypeError as error:
-        raise InvalidInput(f"{where}: a step is called as step(system, q, p, h): {error}") from None
+        raise InvalidInput(f"{where}: a step is called as step(system, q, p, h), or with a fifth t: {error}") from None
     except ValueError:  # the function's signature is not available
         return OwnStep(getattr(step, "__name__", type(step).__name__), step, where=where)
     names = list(inspect.signature(step).parameters)[:4]
@@ -210,7 +216,8 @@ def from_file(path: str | Path) -> OwnStep:
     """
     path = str(path)
     owner, step = find_step(path, "step")
-    return replace(build_own_step(path, owner, from_function(step).step), again=from_file)
+    from_function(step)  # its arguments
+    return replace(build_own_step(path, owner, step), again=from_file)
 
 
 def find_step(path: str, name: str) -> tuple[Any, Callable]:
@@ -303,10 +310,11 @@ def _steps(
     step: Callable[..., tuple[Any, Any]], seen: System, asked: Request, rows: np.ndarray, deadline: float | None
 ) -> tuple[int, int, bool]:
     """Take the steps of a run into rows (2, n, d): (rows filled, steps taken, True if time ran out); ends at a NaN."""
-    q, p, row = asked.q, asked.p, 1
+    q, p, row, timed = asked.q, asked.p, 1, isinstance(step, timed_step.InTime)
     for n in range(1, asked.steps + 1):
+        now = (asked.t0 + (n - 1) * asked.h,) if timed else ()
         try:
-            q, p = check_pair(step(seen, _frozen(q), _frozen(p), asked.h), seen.d)
+            q, p = check_pair(step(seen, _frozen(q), _frozen(p), asked.h, *now), seen.d)
         except ValueError as error:
             if "read-only" not in str(error):
                 raise

@@ -23,11 +23,11 @@ from numpy.typing import ArrayLike, NDArray
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
-from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.values import inplace
 
 from . import deferred, generating, magnetic, shared, singularities
-from .formula import parse, time_hint
+from .formula import names, parse, time_hint
 
 if TYPE_CHECKING:
     from phasebench.integrators.compile.printing import Program
@@ -50,6 +50,11 @@ def _expression(e: object) -> sp.Expr:
         kind = "a function of Python" if callable(e) else f"{e!r}"
         raise InvalidInput(f"a formula is {kind}; give a SymPy expression, or text such as 'p**2/2 - cos(q)'")
     return found
+
+
+def read(e: object, known: Mapping[str, sp.Expr]) -> sp.Expr:
+    """The expression of a formula, text in the ``known`` names or an expression of SymPy; raises InvalidInput."""
+    return parse(e, known) if isinstance(e, str) else _expression(e)
 
 
 #: A formula: text, or an expression of SymPy; the names of variables: text with spaces between, names, or symbols.
@@ -170,9 +175,7 @@ class PartitionedSystem:
 
     def _formula(self, e: Formula) -> sp.Expr:
         known = {str(s): s for s in (*self.q, *self.p)} | _exact(self.parameters)
-        if isinstance(e, str):
-            e = parse(e, known)
-        e = _expression(e)
+        e = read(e, known)
         e = e.xreplace({s: known[str(s)] for s in e.free_symbols if str(s) in self.parameters})
         foreign = e.free_symbols - {*self.q, *self.p}
         if "t" in map(str, foreign):
@@ -461,6 +464,11 @@ def _flatten(given: Iterable[Any]) -> list:
     return [y for x in given for y in (x if isinstance(x, (tuple, list)) else [x])]
 
 
+def _names(formulas: Iterable[Formula]) -> set[str]:
+    """The names that stand in formulas."""
+    return {str(x) for e in formulas for x in (names(e) if isinstance(e, str) else _expression(e).free_symbols)}
+
+
 def _derive_system(given: dict) -> Hamiltonian:
     """Build a `Hamiltonian` from its arguments, given as text, when a stand-in (`deferred`) needs its formulae."""
     system = Hamiltonian.__new__(Hamiltonian)
@@ -529,9 +537,17 @@ class Hamiltonian(PartitionedSystem):
         if parameters:
             given |= {"parameters": dict(parameters)}
         if not text or frequencies or kepler is not None:
-            self._derive(**given, frequencies=frequencies, kepler=kepler)
+            given |= {"frequencies": frequencies, "kepler": kepler}
+            self._derive(**given)
         else:
             vars(self).update(vars(deferred.system(deferred.key_of(given), partial(_derive_system, given))))
+        self._given = given
+
+    def with_parameters(self, **values: float) -> Hamiltonian:
+        """The system of the same formulas with other values of some of its `parameters`; raises InvalidInput."""
+        for name in values.keys() - self.parameters.keys():
+            raise unknown_name("parameter of the system", name, self.parameters)
+        return Hamiltonian(**self._given | {"parameters": {**self.parameters, **values}})
 
     def _derive(
         self,
@@ -551,9 +567,12 @@ class Hamiltonian(PartitionedSystem):
         double = [name for name in self.parameters if name in known]
         if double:
             raise InvalidInput(f"the parameter {double[0]} is one of the variables {', '.join(known)}")
+        unused = self.parameters.keys() - (_names((H, *invariants, *(singular or ()))) if parameters else ())
+        if unused:
+            raise InvalidInput(f"the parameter {min(unused)} is in none of the formulas")
         known |= _exact(self.parameters)
         known.setdefault("t", time)
-        H = parse(H, known) if isinstance(H, str) else _expression(H)
+        H = read(H, known)
         H = H.xreplace({s: known[str(s)] for s in H.free_symbols if str(s) in self.parameters})
         if not H.free_symbols & {*q, *p}:
             raise InvalidInput("H depends on none of the coordinates and momenta")
@@ -602,17 +621,14 @@ class Hamiltonian(PartitionedSystem):
     @cached_property
     def quadratic_kinetic(self) -> bool:
         """True if H = p . M^-1 p / 2 + V(q) with a constant M."""
-        if self._split is None:
-            return False
-        T = self._split[0]
-        return bool(T.is_polynomial(*self.p)) and all(sum(m) == 2 for m in sp.Poly(T, *self.p).monoms())
+        return self._split is not None and self._is_quadratic(self._split[0])
 
     @property
     def driven_quadratic(self) -> bool:
         """True if H = p . M^-1 p / 2 + V(q, t) + p_t with a constant M."""
-        if not self.driven or self._split is None:
-            return False
-        T = self._split[0] - self.p[-1]
+        return self.driven and self._split is not None and self._is_quadratic(self._split[0] - self.p[-1])
+
+    def _is_quadratic(self, T: sp.Expr) -> bool:
         return bool(T.is_polynomial(*self.p)) and all(sum(m) == 2 for m in sp.Poly(T, *self.p).monoms())
 
     @cached_property

@@ -23,8 +23,7 @@ from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
-from .formula import parse
-from .hamiltonian import PartitionedSystem, _symbols
+from .hamiltonian import PartitionedSystem, _symbols, read
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Function
@@ -47,9 +46,9 @@ class PoissonSystem(PartitionedSystem):
     Parameters
     ----------
     q, p : sequences of symbols or names, of equal length d
-    B : matrix of shape (2 d, 2 d) of expressions, the structure matrix
+    B : matrix of shape (2 d, 2 d) of expressions or formulae, the structure matrix
     H : expression or formula
-    dq, dp : sequences of d expressions, optional
+    dq, dp : sequences of d expressions or formulae, optional
         The components of B grad H in the form in which they are to be evaluated.
     singular, invariants : as in `PartitionedSystem`; Casimirs are invariants
 
@@ -69,21 +68,23 @@ class PoissonSystem(PartitionedSystem):
         p: Names,
         B: sp.Matrix | Sequence[Sequence[Any]],
         H: Formula,
-        dq: Sequence[sp.Expr] | None = None,
-        dp: Sequence[sp.Expr] | None = None,
+        dq: Sequence[Formula] | None = None,
+        dp: Sequence[Formula] | None = None,
         singular: Sequence[Formula] = (),
         invariants: Sequence[Formula] = (),
     ) -> None:
         q, p = _symbols(q), _symbols(p)
         y, d = (*q, *p), len(q)
-        B = sp.Matrix(B)
+        known = {str(s): s for s in y}
+        if not isinstance(B, sp.MatrixBase):
+            B = sp.Matrix([[read(x, known) for x in row] for row in B])
         if B.shape != (2 * d, 2 * d):
             raise InvalidInput(f"B has shape {B.shape}; for d = {d} it is {(2 * d, 2 * d)}")
         if any(sp.simplify(B[i, j] + B[j, i]) != 0 for i in range(2 * d) for j in range(i + 1)):
             raise InvalidInput("B is not skew")
-        H = parse(H, {str(s): s for s in y}) if isinstance(H, str) else sp.sympify(H)
+        H = read(H, known)
         flow = B * sp.Matrix([sp.diff(H, x) for x in y])
-        given = [*(flow[:d] if dq is None else dq), *(flow[d:] if dp is None else dp)]
+        given = [read(e, known) for e in (*(flow[:d] if dq is None else dq), *(flow[d:] if dp is None else dp))]
         if any(sp.simplify(a - b) != 0 for a, b in zip(flow, given, strict=True)):
             raise InvalidInput("dq, dp are not B grad H")
         super().__init__(q=q, p=p, dq=given[:d], dp=given[d:], energy=H, singular=singular, invariants=invariants)

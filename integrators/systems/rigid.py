@@ -33,8 +33,7 @@ from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
-from .formula import parse
-from .hamiltonian import Floats, Formula, Hamiltonian
+from .hamiltonian import Floats, Formula, Hamiltonian, read
 
 if TYPE_CHECKING:
     from phasebench.integrators.values.kinds import Function
@@ -164,9 +163,7 @@ def _moments(given: Sequence[Any]) -> tuple[Any, ...]:
 def _potential(given: Formula, q: tuple[Any, ...]) -> Any:
     """The potential as an expression in the quaternion q that does not depend on |q|."""
     entries = {name: sp.Symbol(name, real=True) for name in ENTRIES}
-    if isinstance(given, str):
-        given = parse(given, entries | {str(x): x for x in q})
-    V = sp.sympify(given)
+    V = read(given, entries | {str(x): x for x in q})
     foreign = V.free_symbols - {*q, *entries.values()}
     if foreign:
         raise InvalidInput(

@@ -103,6 +103,62 @@ def test_the_exponent_of_an_unstable_oscillator_is_floquets():
     assert exact > 0.1
 
 
+def leapfrog(system, q, p, h, t):
+    p = p - h / 2 * system.dH_dq(q, p, t)
+    q = q + h * system.dH_dp(q, p, t)
+    return q, p - h / 2 * system.dH_dq(q, p, t + h)
+
+
+@pytest.mark.parametrize("t0", [0.0, 3.0])
+def test_a_step_of_ones_own_is_called_with_the_time(t0):
+    own, same = (pb.integrate(DRIVEN, m, h=0.02, t0=t0, t_end=20.0, **START) for m in (leapfrog, "stormer-verlet"))
+    assert own.q.shape == (len(own.t), 1)
+    np.testing.assert_allclose(own.q, same.q, rtol=0, atol=1e-12)
+    spread = [np.ptp(x.invariants()["H + p_t"]) for x in (own, same)]
+    assert spread[0] == pytest.approx(spread[1], rel=0.2)
+    assert own.counts["gradient"] == 2 * own.counts["steps"]
+    late = pb.integrate(DRIVEN, lambda s, q, p, h, t: leapfrog(s, q, p, h, t + 1), h=0.02, t0=t0, t_end=20.0, **START)
+    assert np.abs(late.q - same.q).max() > 0.01
+
+
+def test_the_time_is_that_of_the_run_where_h_does_not_depend_on_it():
+    seen = []
+
+    def step(system, q, p, h, t):
+        seen.append(t)
+        return q + h * system.dH_dp(q, p, t), p
+
+    pb.integrate("pendulum", step, h=0.5, t0=2.0, steps=3)
+    assert seen == [2.0, 2.5, 3.0]
+    with pytest.raises(pb.InvalidInput, match=r"q of shape \(2,\); it must be \(1,\)"):
+        pb.integrate(DRIVEN, lambda s, q, p, h, t: (np.append(q, t), p), h=0.1, steps=1, **START)
+
+
+def test_orbits_have_their_own_values_of_parameters():
+    text = "p**2/2 - w**2*cos(q)"
+    swing = pb.Hamiltonian(q="q", p="p", H=text, parameters={"w": 2})
+    values, start = [1.0, 3.0, 1.0, 2.0], [[1.0], [0.5], [0.2], [1.0]]
+    run = {"h": 0.1, "t_end": 2.0}
+    told = []
+    given = {"w": values, "lam": [0, 0, 1, 0]}
+    asked = {**run, "parameters": given, "progress": told.append}
+    many = pb.integrate_ensemble(swing, "scheme-i", start, [[0.0]] * 4, **asked)
+    assert told[-1] == 4
+    for k, w in enumerate(values):
+        one = pb.Hamiltonian(q="q", p="p", H=text, parameters={"w": w})
+        alone = pb.integrate(one, "scheme-i", **run, q0=start[k], p0=[0.0], parameters={"lam": given["lam"][k]})
+        np.testing.assert_allclose([many.q[k], many.p[k]], [alone.q[-1], alone.p[-1]], rtol=1e-13)
+    planets = pb.integrate_ensemble(
+        "perturbed-kepler", "rk4", [[0.5, 0.0]] * 2, [[0.0, 1.7]] * 2, h=0.01, steps=9, parameters={"mu": [0.0, 0.5]}
+    )
+    assert planets.q[0, 0] > planets.q[1, 0] + 1e-3
+    for wrong in ({"w": [1.0, 2.0]}, {"v": 1.0}, {"w": ["1", 2, 3, 4]}):
+        with pytest.raises(pb.InvalidInput, match=next(iter(wrong))):
+            pb.integrate_ensemble(swing, "rk4", start, [[0.0]] * 4, **run, parameters=wrong)
+    with pytest.raises(pb.InvalidInput, match="the parameter v is in none of the formulas"):
+        pb.Hamiltonian(q="q", p="p", H=text, parameters={"w": 1, "v": 2})
+
+
 def test_its_figure_is_a_phase_portrait():
     axes = pb.integrate(DRIVEN, "rk4", h=0.1, t_end=5.0, **START).plot().axes
     assert [x.get_ylabel() for x in axes] == ["H - H(0)", "p"]

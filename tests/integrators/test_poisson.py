@@ -11,6 +11,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision
 from phasebench.integrators.driver import integrate
+from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import averaged, poisson
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping.kernel import prepare
@@ -68,6 +69,18 @@ def as_poisson(system):
     d = system.d
     B = sp.Matrix(sp.BlockMatrix([[sp.zeros(d), sp.eye(d)], [-sp.eye(d), sp.zeros(d)]]))
     return PoissonSystem(q=system.q, p=system.p, B=B, H=system.H)
+
+
+def test_its_formulas_may_be_text():
+    system = PoissonSystem(
+        q="u", p="v", B=[["0", "u*v"], ["-u*v", 0]], H="u - log(u) + v - log(v**2)", dq=["u*(v - 2)"], dp=["v*(1 - u)"]
+    )
+    u, v = *system.q, *system.p
+    assert sp.Matrix([[0, u * v], [-u * v, 0]]) == system.B
+    assert system.dq == (u * (v - 2),)
+    for wrong in ("w", "__import__('os')"):
+        with pytest.raises(InvalidInput, match="cannot be used"):
+            PoissonSystem(q="u", p="v", B=[["0", wrong], ["0", "0"]], H="u")
 
 
 def test_on_canonical_systems_it_is_a_known_method():
