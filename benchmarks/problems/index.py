@@ -55,6 +55,7 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         ("inner", "outer"),
     ),
     "kerr": ("kerr", "geodesics of the Kerr metric, in a time that splits H", ("bound",)),
+    "spinning-binary": ("spinning_binary", "two spinning black holes, post-Newtonian (2PN)", ("precessing",)),
     "lennard-jones": ("lennard_jones", "frozen argon crystal of seven atoms", ("argon",)),
     "n-body": ("n_body", "gravitational N-body problem", ("pythagorean",)),
 }

@@ -413,6 +413,40 @@ def test_schwarzschild_precession_by_elliptic_integral(name, semilatus, e, toler
     assert (abs(advance - weak) < 1e-3) == (semilatus > 100)
 
 
+@pytest.mark.parametrize(("ratio", "chi1", "chi2"), [(0.5, 0.875, 0.625), (0.25, 1.0, 0.0), (1.0, 0.0, 0.0)])
+def test_spinning_binary_on_a_circle_has_the_energy_of_its_frequency(ratio, chi1, chi2):
+    """Blanchet 2014, Living Rev. Relativ. 17, 2; Kidder 1995 (spins); the energy without one of the terms is off."""
+    eps = mpf(2) ** -16
+    s = problem("spinning-binary", ratio=ratio, chi1=chi1, chi2=chi2, eps=float(eps)).system
+    H = sp.lambdify([[*s.q, *s.p]], s.H, "mpmath")
+
+    def energy(r, L):
+        return mpmath.re(H([r, 0, 0, 0, 0, 0, L / r, 0, *lengths]))
+
+    with mpmath.workdps(60):
+        m1 = 1 / (1 + mpf(ratio))
+        m2 = 1 - m1
+        eta, lengths = m1 * m2, (eps * chi1 * m1 / m2, eps * chi2 * m2 / m1)
+        L = mpmath.findroot(lambda L: mpmath.diff(lambda r: energy(r, L), 1), (1, 1 + eps))
+        x = eps**2 * mpmath.cbrt(mpmath.diff(lambda L: energy(1, L), L) ** 2)
+        orbit = chi1 * (8 * m1**2 / 3 + 2 * eta) + chi2 * (8 * m2**2 / 3 + 2 * eta)
+        terms = [-(mpf(3) / 4 + eta / 12) * x, orbit * x**1.5]
+        terms += [(-27 + 19 * eta - eta**2 / 3) / 8 * x**2, -((chi1 * m1 + chi2 * m2) ** 2) * x**2]
+        off = energy(1, L) + x / (2 * eps**2) * (1 + sum(terms))
+        assert abs(off) < 10 * eps**5
+        assert all(t == 0 or abs(off - x / (2 * eps**2) * t) > 1e3 * eps**5 for t in terms)
+
+
+def test_spinning_binary_advances_by_its_weak_field_and_is_kepler_s_without():
+    """The pericentre advances by 6 pi eps^2 / (1 - e^2) in a revolution: Damour & Schaefer 1988."""
+    made = problem("spinning-binary", ratio=0.25, chi1=0.0, chi2=0.0, eps=1e-4)
+    ((q, p),) = at(made, 2 * pi)
+    lenz = np.cross(p[:3], np.cross(q[:3], p[:3])) - q[:3] / np.linalg.norm(q[:3])
+    assert lenz[1] / lenz[0] == pytest.approx(6 * pi * 1e-8 / (1 - 0.6**2), rel=1e-5)
+    s = problem("spinning-binary", eps=0.0).system
+    assert vanish(s, [s.H - sum(x**2 for x in s.p[:3]) / 2 + 1 / sp.sqrt(sum(x**2 for x in s.q[:3]))])
+
+
 def test_n_body_loops_agree_with_the_formula():
     made = problem("n-body", N=7)
     s = made.system
