@@ -22,6 +22,7 @@ from phasebench.integrators.errors import unknown_name
 from . import lyapunov
 from .body_quantities import of_bodies, position
 from .quantities import ENERGY, GENERAL, PARTS, Quantity, scale
+from .transits import of_planets
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -178,6 +179,7 @@ def problem_quantities(problem: Problem) -> Iterator[Quantity]:
     if label != id:
         yield from NAMED.get(label, ())
     yield from of_bodies(problem)
+    yield from of_planets(problem)
 
 
 def quantities(problem: Problem) -> Mapping[str, Quantity]:
