@@ -14,18 +14,18 @@ ROOT = Path(__file__).resolve().parents[2]
 ROOMS = {
     ("integrators/records", "integrators/coefficients"): (3400, 3400, 19),
     ("integrators/families",): (9000, 7500, 30),
-    ("integrators/stepping", "integrators/values", "integrators/systems"): (8630, 6600, 25),
+    ("integrators/stepping", "integrators/values", "integrators/systems"): (8640, 6600, 25),
     ("integrators/compile",): (1600, 1000, 16),
-    ("integrators",): (25850, 21000, 25),
+    ("integrators",): (25860, 21000, 25),
     ("reference",): (6623, 6200, 20),
-    ("benchmarks/problems", "benchmarks/measure"): (11525, 9000, 20),
+    ("benchmarks/problems", "benchmarks/measure"): (11800, 9000, 20),
     ("benchmarks/store",): (2730, 1900, 13),
     (*(f"benchmarks/{x}" for x in ("ladder", "judge", "advice", "audit", "certificate")),): (9200, 6200, 14),
     ("benchmarks/page",): (1410, 1600, 20),
     ("benchmarks/studies",): (18540, 14500, 11),
     ("benchmarks/cli",): (2670, 2100, 6),
-    ("benchmarks",): (47105, 35500, 14),
-    ("tests",): (21745, 17000, 6),
+    ("benchmarks",): (47380, 35500, 14),
+    ("tests",): (21915, 17000, 6),
     ("docs", "examples", "phasebench"): (2400, 2300, 15),
 }
 
