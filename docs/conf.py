@@ -65,14 +65,15 @@ html_copy_source = False
 html_show_sourcelink = False
 html_theme_options = {
     "navbar_align": "left",
-    "header_links_before_dropdown": 6,
+    # Beneath a page a menu has those of its own branch alone: there are hundreds.
+    "collapse_navigation": True,
     "navigation_with_keys": False,
     "show_prev_next": False,
     "secondary_sidebar_items": {"**": ["page-toc"], "index": [], "methods/index": []},
     "footer_start": ["copyright"],
     "footer_end": [],
 }
-# The lists of methods and reports are long, and their indices sortable: pages are light without them.
-bare = ("index", "start", "choose", "faq", "upgrade", "methods/**", "problems/index", "packages/**", "reports/**")
+# The list of methods is long, and its index sortable: pages are light without it.
+bare = ("index", "start", "choose", "faq", "upgrade", "methods/**", "problems/index", "packages/**")
 html_sidebars = {name: [] for name in bare}
 project_copyright = "the phasebench authors, MIT licence"

@@ -1,6 +1,6 @@
 """Generate the site's pages of the reports: texts, figures and small tables are copied from the folder of reports.
 
-README.md of that folder becomes the index.
+README.md of that folder becomes the index.  In menus the page A-B stands beneath the page A: talks-maps beneath talks.
 """
 
 from __future__ import annotations
@@ -20,7 +20,15 @@ def files() -> Files:
     found = {f"reports/{path.name}": _links(path.read_text(encoding="utf-8")) for path in sorted(REPORTS.glob("*.md"))}
     entry = found.pop("reports/README.md")
     names = [name.removeprefix("reports/").removesuffix(".md") for name in found]
-    found["reports/index.md"] = f"{entry}\n{toctree(names)}"
+    beneath: dict[str, list[str]] = {"": []}
+    for name in names:
+        head = name.partition("-")[0]
+        beneath.setdefault(head if head in names and head != name else "", []).append(name)
+    for head, members in beneath.items():
+        if head:
+            found[f"reports/{head}.md"] += f"\n{toctree(members)}"
+    listed = [f"{name.replace('-', ' ').replace('_', ' ').capitalize()} <{name}>" for name in beneath[""]]
+    found["reports/index.md"] = f"{entry}\n{toctree([*listed, 'Questions </faq>'])}"
     return found
 
 
