@@ -118,8 +118,8 @@ def _answer(found: pd.DataFrame, frame: pd.DataFrame) -> str:
     short = n["explained"] + n["contradicted"]
     return (
         f"{len(found) - short - n['stopped']} of {len(found)} pairs of a method and a problem are as the method "
-        f"declares; {short} fall short ({n['explained']} for a known reason); the runs of {n['stopped']} stopped."
-        + (f" Not measured yet: {join_list(waiting, 3)}." if waiting else "")
+        f"declares; {short} fall short ({n['explained']} for a known reason); the runs of {n['stopped']} stopped"
+        + (f"; unmeasured: {join_list(waiting, 3)}." if waiting else ".")
     )
 
 
