@@ -84,7 +84,7 @@ class OwnStep:
         if particle_step.TRAIT in self.requires and particle_step.in_velocities(self.step):
             object.__setattr__(self, "step", particle_step.InMomenta(self.step))
         elif timed_step.in_time(self.step) and not isinstance(self.step, timed_step.InTime):
-            object.__setattr__(self, "step", timed_step.InTime(self.step))
+            object.__setattr__(self, "step", timed_step.InTime(self.step, check_pair))
 
     @property
     def label(self) -> str:

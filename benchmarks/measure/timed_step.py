@@ -65,22 +65,20 @@ class Timed:
 class InTime:
     """A step (system, q, p, h) -> (q, p) made from a user's step (system, q, p, h, t) -> (q, p)."""
 
-    def __init__(self, step: Callable[..., tuple[Any, Any]]) -> None:
-        self.step, self.__name__ = step, getattr(step, "__name__", type(step).__name__)
+    def __init__(self, step: Callable[..., tuple[Any, Any]], check: Callable[[Any, int], object]) -> None:
+        self.step, self.check, self.__name__ = step, check, getattr(step, "__name__", type(step).__name__)
 
     def __call__(self, system: System | Exact, q: np.ndarray, p: np.ndarray, h: Number, t: Number = 0) -> Any:
         """Take the user's step from q, p, of which the last are the time and its momentum if H depends on it.
 
-        ``t`` is the time if H does not.  Raises InvalidInput for a result that is no state.
+        ``t`` is the time if H does not.  For a result that is no state of d numbers ``check(result, d)`` is called.
         """
-        from .own_step import check_pair
-
         seen = Timed(system)
         if not seen.driven:
             return self.step(seen, q, p, h, t)
         pair = self.step(seen, q[:-1], p[:-1], h, q[-1])
         if not is_pair(pair) or any(np.shape(x) != (seen.d,) for x in pair):
-            check_pair(pair, seen.d)
+            self.check(pair, seen.d)
         counted = list(system.evaluations)
         start, end = np.concatenate([q, p]), np.concatenate([pair[0], [q[-1] + h], pair[1], p[-1:]])
         first, last = _flow(system, start), _flow(system, end)

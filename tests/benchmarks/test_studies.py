@@ -374,9 +374,11 @@ def test_keys_are_those_of_the_committed_tables(study):
         path = REPORTS / "data" / f"{runs.table}.csv"
         if not path.exists():
             continue  # it has never been measured
-        keys = {tuple(map(text, key.values())) for key in runs.keys}
+        keys = {tuple(map(text, key.values())): runs.dear(**key) for key in runs.keys}
         frame = pd.read_csv(path, dtype=str, keep_default_na=False, usecols=[*runs.keys[0]] or None)
-        assert {*map(tuple, frame[list(runs.keys[0])].to_numpy())} == keys
+        there = {*map(tuple, frame[list(runs.keys[0])].to_numpy())}
+        assert there <= {*keys}
+        assert all(keys[key] for key in {*keys} - there), "what is missing waits for --dear"
 
 
 #: Seconds: of the stored measurements that took no longer, the longest of each table is made again, or the quickest.

@@ -22,9 +22,9 @@ ROOMS = {
     ("benchmarks/store",): (2730, 1900, 13),
     (*(f"benchmarks/{x}" for x in ("ladder", "judge", "advice", "audit", "certificate")),): (9200, 6200, 14),
     ("benchmarks/page",): (1410, 1600, 20),
-    ("benchmarks/studies",): (18540, 14500, 11),
+    ("benchmarks/studies",): (18640, 14500, 11),
     ("benchmarks/cli",): (2670, 2100, 6),
-    ("benchmarks",): (47380, 35500, 14),
+    ("benchmarks",): (47480, 35500, 14),
     ("tests",): (21915, 17000, 6),
     ("docs", "examples", "phasebench"): (2400, 2300, 15),
 }
