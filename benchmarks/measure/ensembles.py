@@ -135,15 +135,14 @@ def integrate_ensemble(
     chosen = _method(method)
     given, of_problem = _sort_parameters(problem, chosen, parameters or {})
     whole = ensemble.begin(_problem(problem), chosen, Q, P, h, t_end, steps, given, save_every)
-    groups = _groups(of_problem, len(whole.q)) if of_problem else [({}, np.arange(len(whole.q)))]
-    ends, done = [], 0
+    if not of_problem:
+        return Ensemble(**fields_of(ensemble.conclude(whole, *_run(whole, chosen, lanes, threads, progress))))
+    groups, ends, done = _groups(of_problem, len(whole.q)), [], 0
     for values, members in groups:
-        orbits = whole
-        if of_problem:
-            some = {name: np.asarray(x)[members] if np.ndim(x) else x for name, x in given.items()}
-            sizes = np.asarray(h)[members] if np.ndim(h) else h
-            start = whole.q[members], whole.p[members]
-            orbits = ensemble.begin(_changed(problem, values), chosen, *start, sizes, t_end, steps, some, save_every)
+        some = {name: np.asarray(x)[members] if np.ndim(x) else x for name, x in given.items()}
+        sizes = np.asarray(h)[members] if np.ndim(h) else h
+        start = whole.q[members], whole.p[members]
+        orbits = ensemble.begin(_changed(problem, values), chosen, *start, sizes, t_end, steps, some, save_every)
         tell = None if progress is None else partial(_tell, progress, done)
         ends.append(ensemble.conclude(orbits, *_run(orbits, chosen, lanes, threads, tell)))
         done += len(members)
@@ -212,9 +211,11 @@ def _tell(progress: Callable[[int], None], before: int, number: int) -> None:
 
 def _sort_parameters(problem: AnyProblem, method: str | Method | OwnStep, parameters: Mapping) -> tuple[dict, dict]:
     """Sort parameters into those of the method and those of the problem; a name that both have is the method's."""
+    if not parameters:
+        return {}, {}
     names = getattr(integrator(method).record, "parameters", {})
     made = _problem(problem)
-    known = {**getattr(made, "parameters", {}), **getattr(made, "system", made).parameters}
+    known = {**getattr(made, "parameters", {}), **getattr(getattr(made, "system", made), "parameters", {})}
     of_problem = {name: x for name, x in parameters.items() if name in known and name not in names}
     return {name: x for name, x in parameters.items() if name not in of_problem}, of_problem
 
@@ -230,11 +231,11 @@ def _groups(parameters: Mapping[str, Any], n: int) -> list[tuple[dict[str, float
 
 def _changed(problem: AnyProblem, values: Mapping[str, float]) -> Problem | PartitionedSystem:
     """The problem, or its system, with other values of its parameters."""
-    system = getattr(problem, "system", problem)
-    if not isinstance(problem, (str, Path)) and values.keys() <= system.parameters.keys():
-        return system.with_parameters(**values)
     if isinstance(problem, (str, Path)):
         return problem_of(problem, **values)
+    system = getattr(problem, "system", problem)
+    if values.keys() <= system.parameters.keys():
+        return system.with_parameters(**values)
     return problem_of(problem.label, **{**problem.parameters, **values})
 
 

@@ -138,11 +138,9 @@ def test_orbits_have_their_own_values_of_parameters():
     text = "p**2/2 - w**2*cos(q)"
     swing = pb.Hamiltonian(q="q", p="p", H=text, parameters={"w": 2})
     values, start = [1.0, 3.0, 1.0, 2.0], [[1.0], [0.5], [0.2], [1.0]]
-    run = {"h": 0.1, "t_end": 2.0}
-    told = []
+    run, told = {"h": 0.1, "t_end": 2.0}, []
     given = {"w": values, "lam": [0, 0, 1, 0]}
-    asked = {**run, "parameters": given, "progress": told.append}
-    many = pb.integrate_ensemble(swing, "scheme-i", start, [[0.0]] * 4, **asked)
+    many = pb.integrate_ensemble(swing, "scheme-i", start, [[0.0]] * 4, **run, parameters=given, progress=told.append)
     assert told[-1] == 4
     for k, w in enumerate(values):
         one = pb.Hamiltonian(q="q", p="p", H=text, parameters={"w": w})
@@ -155,6 +153,8 @@ def test_orbits_have_their_own_values_of_parameters():
     for wrong in ({"w": [1.0, 2.0]}, {"v": 1.0}, {"w": ["1", 2, 3, 4]}):
         with pytest.raises(pb.InvalidInput, match=next(iter(wrong))):
             pb.integrate_ensemble(swing, "rk4", start, [[0.0]] * 4, **run, parameters=wrong)
+    with pytest.raises(pb.InvalidInput, match="the problem is 3; give a system"):
+        pb.integrate_ensemble(3, "scheme-i", start, [[0.0]] * 4, **run, parameters={"lam": 1})
     with pytest.raises(pb.InvalidInput, match="the parameter v is in none of the formulas"):
         pb.Hamiltonian(q="q", p="p", H=text, parameters={"w": 1, "v": 2})
 
