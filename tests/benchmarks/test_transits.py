@@ -83,9 +83,8 @@ def test_planets_transit_when_rebound_says_so():
 
 def test_transits_are_listed_and_of_an_open_orbit_there_are_none():
     places = ("x", "y", "z", "vx", "vy", "vz")
-    rows = [{"name": "star", "m": 1.0} | dict.fromkeys(places, 0.0)]
-    rows += [{"name": "b", "m": 0.0} | dict(zip(places, (1.0, 0.0, 0.1, 0.0, 0.1, 0.0), strict=True))]
-    system = pb.planetary_system(rows, frame="heliocentric")
+    b = {"name": "b", "m": 0.0} | dict(zip(places, (1.0, 0.0, 0.1, 0.0, 0.1, 0.0), strict=True))
+    system = pb.planetary_system([STAR | dict.fromkeys(places, 0.0), b], frame="heliocentric")
     assert np.isnan(transit(system, "b"))
     assert {"b.transit", "b.longitude"} <= {*quantities(system)}
     assert "star.transit" not in quantities(system)
