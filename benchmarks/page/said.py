@@ -61,15 +61,15 @@ def claim(entry: Mapping[str, Any], functions: Functions) -> Claim:
 
 @dataclass(frozen=True)
 class Statement:
-    """A printed number or statement: its claim, None if another page judges it, and the other entries of the file."""
+    """A printed number or statement: its claim, and the other entries of the file."""
 
-    claim: Claim | None
+    claim: Claim
     entry: Mapping[str, Any]
 
     def row(self, data: Data) -> dict[str, str]:
         """The line of the table: the claim beside what is printed and measured, and the outcome."""
-        found = self.claim and self.claim(data)
-        told = found.row() if found else {"measured": "", "outcome": MISSING} | self.entry
+        found = self.claim(data)
+        told = found.row() if found else {"measured": "", "outcome": MISSING}
         return {
             "claim": self.entry["claim"],
             "printed": self.entry["printed"],
@@ -82,20 +82,20 @@ class Statement:
 
 
 def statements(path: Path, functions: Functions) -> dict[str, Statement]:
-    """Name -> statement of a file; one without a table has its own ``measured`` and ``outcome``."""
-    return {name: Statement(claim(e, functions) if "table" in e else None, e) for name, e in entries(path).items()}
+    """Name -> statement of a file."""
+    return {name: Statement(claim(e, functions), e) for name, e in entries(path).items()}
 
 
 def claims(said: Mapping[str, Statement], shown: bool) -> dict[str, Claim]:
     """The claims of the statements that a page shows above its table; if not ``shown``, the other ones."""
-    return {name: s.claim for name, s in said.items() if s.claim and s.entry.get("shown", False) == shown}
+    return {name: s.claim for name, s in said.items() if s.entry.get("shown", False) == shown}
 
 
 def table(said: Mapping[str, Statement], caption: str) -> Callable[[Data], Table | None]:
     """The table of all statements, None if none was measured."""
 
     def of(data: Data) -> Table | None:
-        judged = any(s.claim(data) for s in said.values() if s.claim)
+        judged = any(s.claim(data) for s in said.values())
         return Table(pd.DataFrame([s.row(data) for s in said.values()]), caption) if judged else None
 
     return of
@@ -105,7 +105,7 @@ def answer(said: Iterable[Statement], text: str) -> Callable[[Data], str | None]
     """A sentence with {n}, the number of judged statements, of which {hold} and {fail}; None if none is judged."""
 
     def of(data: Data) -> str | None:
-        found = [v.outcome for s in said if s.claim and (v := s.claim(data)) and v.outcome != MISSING]
+        found = [v.outcome for s in said if (v := s.claim(data)) and v.outcome != MISSING]
         numbers = {"n": len(found), "hold": found.count(PASS), "fail": found.count(FINDING)}
         return text.format(**numbers) if found else None
 
