@@ -77,18 +77,18 @@ def _build_run(*how: str | bool | None) -> Callable[[Task], Run]:
         from phasebench.reference.solvers import taylor
 
         ta, form = _scalar(task.system, task.tol, *how)
-        ta.time, ta.state[:] = 0.0, form.put(task.state)
+        ta.time, ta.state[:], ta.pars[:] = 0.0, form.put(task.state), form.parameters(task.state)
         if len(task.times) > 2:
             started = time.perf_counter()
             rows, steps, failure = taylor.propagate(ta, task.times)
             seconds = time.perf_counter() - started
-            return Run.of_states(form.get(rows), steps, 0, seconds, failure)
+            return Run.of_states(form.get(rows, ta.pars, task.times[: len(rows)]), steps, 0, seconds, failure)
         start, t_end = task.state, float(task.times[-1])
         started = time.perf_counter()
         outcome, _, _, steps, *_ = ta.propagate_until(t_end, max_steps=taylor.STEP_LIMIT)
         seconds = time.perf_counter() - started
         failure = taylor.failure(outcome)
-        rows = np.stack([start, form.get(ta.state)] if failure is None else [start])
+        rows = np.stack([start, form.get(ta.state, ta.pars, t_end)] if failure is None else [start])
         return Run.of_states(rows, steps, 0, seconds, failure)
 
     return run
@@ -101,7 +101,7 @@ def _prepare(*how: str | bool | None) -> Callable[[Task], Calls]:
         state, begin, propagate = ta.state, ta.state.copy(), ta.propagate_until
 
         def restart(y: np.ndarray) -> None:
-            begin[:] = form.put(y)
+            begin[:], ta.pars[:] = form.put(y), form.parameters(y)
 
         def advance(t_end: float) -> int:
             ta.time = 0.0
@@ -109,7 +109,7 @@ def _prepare(*how: str | bool | None) -> Callable[[Task], Calls]:
             propagate(t_end)
             return SOLVED if ta.time == t_end else STALLED
 
-        return Calls(restart, advance, lambda: form.get(state), ta)
+        return Calls(restart, advance, lambda: form.get(state, ta.pars, ta.time), ta)
 
     return prepare
 
@@ -117,17 +117,17 @@ def _prepare(*how: str | bool | None) -> Callable[[Task], Calls]:
 def _run_batch(task: Task) -> Run:
     from phasebench.reference.solvers import taylor
 
-    ta = _batch(task.system, task.tol)
+    ta, form = _batch(task.system, task.tol), heyoka_forms.form(task.system, TRANSLATED)
     ta.set_time(0.0)
-    ta.state[:] = task.state[:, None]
+    ta.state[:], ta.pars[:] = form.put(task.state)[:, None], form.parameters(task.state)[:, None]
     grid = np.repeat(task.times[:, None], ta.batch_size, axis=1)
     started = time.perf_counter()
     _, states = ta.propagate_grid(grid, max_steps=taylor.STEP_LIMIT)
     seconds = time.perf_counter() - started  # of all lanes, which is also the time of one orbit
-    rows = states[:, :, 0]
+    rows = form.get(states[:, :, 0], ta.pars[:, 0], task.times[: len(states)])
     outcome, _, _, steps = ta.propagate_res[0]
     failure = taylor.failure(outcome)
-    if failure is None and not (states == rows[:, :, None]).all():
+    if failure is None and not (states == states[:, :, :1]).all():
         rows, failure = rows[:1], f"the {ta.batch_size} lanes, which started alike, differ"
     return Run.of_states(rows, steps, 0, seconds, failure)
 

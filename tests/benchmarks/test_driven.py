@@ -33,18 +33,31 @@ def test_it_is_the_extension_made_by_hand_to_the_last_bit(method):
 
 
 @pytest.mark.parametrize("t0", [0.0, 3.0])
-@pytest.mark.parametrize("method", ["gauss-8", "kahan-li-8", "heyoka"])
+@pytest.mark.parametrize("method", ["gauss-8", "kahan-li-8", "heyoka", "heyoka-batch"])
 def test_the_time_counts_from_t0(method, t0):
     exact = solve_ivp(
         lambda t, y: [y[1], -np.sin(y[0]) * (1 + np.sin(1.3 * t) / 10)],
         *((t0, 20.0), [1.0, 0.5]),
         **{"rtol": 1e-12, "atol": 1e-13, "method": "DOP853"},
     )
-    more = {} if method == "heyoka" else {"h": 0.02}
+    more = {} if method.startswith("heyoka") else {"h": 0.02}
     found = pb.integrate(DRIVEN, method, t0=t0, t_end=20.0, **START, **more)
     np.testing.assert_allclose(end(found), exact.y[:, -1], rtol=0, atol=1e-9)
     assert found.error().error < 1e-9
     assert np.abs(end(pb.integrate(DRIVEN, method, t0=t0 + 1.0, t_end=21.0, **START, **more)) - end(found)).max() > 0.01
+
+
+def test_heyokas_tolerance_is_of_the_state_and_not_of_the_time():
+    hand = pb.Hamiltonian(q="q s", p="p ps", H=f"{SWING.replace('t)', 's)').replace('*t/', '*s/')} + ps")
+    exact = end(pb.integrate(DRIVEN, "heyoka", t_end=1000.0, **START))
+    extended = pb.integrate(hand, "heyoka", tol=1e-8, t_end=1000.0, q0=[1.0, 0.0], p0=[0.5, 0.0])
+    rows = pb.integrate(DRIVEN, "heyoka", tol=1e-8, t0=0.0, t_end=1000.0, t_eval=[400.0, 1000.0], **START)
+    q, p, _ = pb.prepare(DRIVEN, "heyoka", tol=1e-8, q0=[1.0, 0.0], p0=[0.5, 0.0])(1000.0)
+    assert q[1] == 1000.0
+    error, control = (np.abs(x - exact).max() for x in (np.array([q[0], p[0]]), end(extended)[[0, 2]]))
+    assert error < control / 20
+    assert np.abs(end(rows) - exact).max() < control / 20
+    assert np.ptp(rows.invariants()["H + p_t"]) < 1e-7
 
 
 @pytest.mark.parametrize(
