@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -138,13 +138,20 @@ def integrate_ensemble(
     if not of_problem:
         return Ensemble(**fields_of(ensemble.conclude(whole, *_run(whole, chosen, lanes, threads, progress))))
     groups, ends, done = _groups(of_problem, len(whole.q)), [], 0
-    for values, members in groups:
+    problems = [_changed(problem, values) for values, _ in groups]
+    driven = next((x for x in problems if _is_driven(x)), None)
+    if driven is not None:
+        whole = ensemble.begin(driven, chosen, Q, P, h, t_end, steps, given, save_every)
+    for changed, (_, members) in zip(problems, groups, strict=True):
         some = {name: np.asarray(x)[members] if np.ndim(x) else x for name, x in given.items()}
         sizes = np.asarray(h)[members] if np.ndim(h) else h
         start = whole.q[members], whole.p[members]
-        orbits = ensemble.begin(_changed(problem, values), chosen, *start, sizes, t_end, steps, some, save_every)
+        lost = driven is not None and not _is_driven(changed)
+        real = [x[:, :-1] for x in start] if lost else start
+        orbits = ensemble.begin(changed, chosen, *real, sizes, t_end, steps, some, save_every)
         tell = None if progress is None else partial(_tell, progress, done)
-        ends.append(ensemble.conclude(orbits, *_run(orbits, chosen, lanes, threads, tell)))
+        end = ensemble.conclude(orbits, *_run(orbits, chosen, lanes, threads, tell))
+        ends.append(_with_time(end, *(x[:, -1:] for x in start)) if lost else end)
         done += len(members)
     return Ensemble(**_merged(ends, np.concatenate([members for _, members in groups])) | {"system": whole.system})
 
@@ -237,6 +244,22 @@ def _changed(problem: AnyProblem, values: Mapping[str, float]) -> Problem | Part
     if values.keys() <= system.parameters.keys():
         return system.with_parameters(**values)
     return problem_of(problem.label, **{**problem.parameters, **values})
+
+
+def _is_driven(problem: Problem | PartitionedSystem) -> bool:
+    return getattr(problem, "system", problem).driven
+
+
+def _with_time(end: ensemble.Ensemble, t: np.ndarray, p_t: np.ndarray) -> ensemble.Ensemble:
+    """Orbits of a system whose parameters take the time out of H, with the time and its momentum as others have them.
+
+    t, p_t : arrays (n, 1), at the start
+    """
+    return replace(
+        end,
+        **{"q": np.hstack([end.q, t + end.t[:, None]]), "p": np.hstack([end.p, p_t])},
+        **{"Q": np.dstack([end.Q, t + end.times]), "P": np.dstack([end.P, p_t + 0 * end.times])},
+    )
 
 
 def _merged(parts: Sequence[ensemble.Ensemble], members: np.ndarray) -> dict[str, Any]:

@@ -172,6 +172,25 @@ def test_orbits_have_their_own_values_of_parameters():
         pb.Hamiltonian(q="q", p="p", H=text, parameters={"w": 1, "v": 2})
 
 
+@pytest.mark.parametrize("usual", [0.0, 0.1])
+def test_a_value_that_takes_the_time_out_of_H(usual):
+    H, run, a = SWING.replace("/10)", "*a)"), {"h": 0.02, "t_end": 20.0}, [0.2, 0.0, 0.1]
+    swing = pb.Hamiltonian(q="q", p="p", H=H, parameters={"a": usual})
+    start = [[[1.0, 3.0], [1.0, 4.0], [0.5, 3.0]], [[0.5, 0.25]] * 3]
+    if not usual:
+        start = [np.array(x)[:, :1] for x in start]
+    many = pb.integrate_ensemble(swing, "rk4", *start, **run, parameters={"a": a}, save_every=500)
+    assert many.names == ("q", "t", "p", "p_t")
+    for k, value in enumerate(a):
+        one = pb.Hamiltonian(q="q", p="p", H=H, parameters={"a": value})
+        t0 = start[0][k][1] if usual else 0.0
+        alone = pb.integrate(one, "rk4", h=0.02, t0=t0, t_end=t0 + 20, q0=start[0][k][:1], p0=[0.5])
+        np.testing.assert_allclose([many.q[k, 0], many.p[k, 0]], end(alone), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(many.Q[k, :, 1], t0 + many.times[k])
+    assert many.P[1, :, 1].tolist() == [0.25 if usual else 0.0] * 3
+    assert abs(many.p[0, 1] - many.P[0, 0, 1]) > 1e-3
+
+
 def test_its_figure_is_a_phase_portrait():
     axes = pb.integrate(DRIVEN, "rk4", h=0.1, t_end=5.0, **START).plot().axes
     assert [x.get_ylabel() for x in axes] == ["H - H(0)", "p"]
