@@ -18,6 +18,7 @@ from phasebench.benchmarks.certificate import (
     adaptive,
     battery,
     conservation,
+    fronts,
     measures,
     order,
     structure,
@@ -28,6 +29,7 @@ from phasebench.benchmarks.certificate.render import write
 from phasebench.benchmarks.certificate.stepping import StepFailed, Stepper
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.cli.validate import WIDEST
+from phasebench.benchmarks.judge import checks
 from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
 from phasebench.integrators.errors import InvalidInput
@@ -367,3 +369,18 @@ def test_true_claims_return_and_false_claims_fail(request):
         claims_hold(leapfrog, "separable")
     if REGISTERED:
         assert request.getfixturevalue("phasebench_claims")(leapfrog, requires="separable", order=2).verdict == "pass"
+
+
+def test_what_lies_between_the_floor_and_a_defect_is_told_where_it_is_greatest():
+    seen = [("pendulum", 0.5, 3e-12, 1e-12), ("kepler", 0.25, 2e-13, 5e-14), ("coupled", 0.1, 1e-13, 1e-12)]
+    rows = [dict(zip(("on", "h", "value", "floor"), r, strict=True)) for r in seen]
+    found = checks._unseen(rows)
+    assert found.verdict == "not judged"
+    assert "2.0e-13 at h = 0.25 on kepler" in found.why
+    assert "above the floor" in checks._unseen(rows[2:]).why
+
+
+def test_the_cheapest_of_each_scene_and_error():
+    text = [("a", "0.01", "x", "12"), ("a", "1e-4", "y", "40"), ("b", "0.01", "z", "7")]
+    found = fronts.parse([dict(zip(("scene", "error", "integrator", "evaluations"), r, strict=True)) for r in text])
+    assert found == {"a": {0.01: ("x", 12.0), 1e-4: ("y", 40.0)}, "b": {0.01: ("z", 7.0)}}

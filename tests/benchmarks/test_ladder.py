@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.ladder import competitors, race
+from phasebench.benchmarks.ladder import competitors, curves, race
 from phasebench.benchmarks.ladder.bracket import EDGE, Run, aim, bracket, cheapest, cost
 from phasebench.benchmarks.ladder.climb import idle, numbers_of_steps, tolerances
 from phasebench.benchmarks.ladder.race import Known, refine
@@ -346,3 +346,18 @@ def test_rows_of_a_scene_list_steps_and_dropped_methods(monkeypatch):
     assert [r["steps"] for r in rungs] == sorted(r["steps"] for r in rungs)
     assert all(r["h"] is None for r in tables[front.RUNGS] if r["integrator"] == "tolerant")
     assert not {"dear", "nobody"} & {r["integrator"] for r in tables[front.RUNGS]}
+
+
+@pytest.mark.parametrize(
+    ("errors", "ends"),
+    [
+        ([2.0, 1.5, 1.8, 1.6, 1.7], False),  # a coarse start is no floor
+        ([0.1, 0.05, 0.06, 0.05, 0.07], True),
+        ([0.1, 0.05, 0.06, 0.05, 0.01], False),
+        ([0.1, 0.0], True),
+    ],
+)
+def test_a_curve_ends_at_its_floor(errors, ends):
+    runs = [Rung(2**k, None, "ok", error, 0.1) for k, error in enumerate(errors)]
+    assert bool(curves._end_reason(runs)) == ends
+    assert "too long" in curves._end_reason([*runs, runs[-1]._replace(seconds=1.1 * curves.LONGEST)])

@@ -278,3 +278,9 @@ def test_median_phase_error_from_draws(others, found):
     ((value, low, high), count), taken = runs.median_phase(1e-9, iter(others)), found
     assert (value, low, high) == pytest.approx(taken[0])
     assert count == taken[1]
+
+
+def test_a_matrix_known_to_an_error_may_be_off_by_it():
+    off = np.array([[1.0, 0.0], [0.0, 1.0 + 1e-4]])  # det > 1: the second entry of the margins' last row is negative
+    assert linear_stability.margins(off).min() < 0
+    assert linear_stability.margins(off, noise=1e-6).min() < 0 < linear_stability.margins(off, noise=1e-4).min()

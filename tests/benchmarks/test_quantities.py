@@ -67,6 +67,15 @@ def test_certified_angle_near_its_jump(monkeypatch, y):
     assert np.spacing(pi) / 2 <= found.uncertainty < 1e-15
 
 
+def test_a_mean_over_orbits_is_known_to_two_deviations(monkeypatch):
+    told = iter(np.outer(np.arange(truths.NEIGHBOURS), [1.0, 3.0]))
+    monkeypatch.setattr(truths, "values", lambda *_: next(told))
+    found = truths._ensemble(OSCILLATOR, END_STATE, 1.0)
+    n = truths.NEIGHBOURS
+    assert found.values == pytest.approx([(n - 1) / 2, 3 * (n - 1) / 2])
+    assert found.uncertainty == pytest.approx(6 * np.sqrt(n * (n + 1) / 12))
+
+
 @pytest.mark.parametrize("lost", [[np.nan, np.nan], [1.0, np.inf]])
 def test_nonfinite_reference_has_failed(monkeypatch, lost):
     flow = SimpleNamespace(time=0.5)

@@ -396,3 +396,15 @@ def test_solver_is_a_parameter_of_the_method():
     for id, solver, words in (*refused, ("implicit-midpiont", "banded", "no method")):
         with pytest.raises(InvalidInput, match=words):
             method(id, solver=solver)
+
+
+def test_columns_of_one_colour_share_no_row():
+    rng = np.random.default_rng(5)
+    for n in (3, 8, 40):
+        reach = [np.unique(np.append(j, rng.integers(0, n, 2))) for j in range(n)]
+        colours = structure.colour_columns(reach, n)
+        for colour in set(colours):
+            rows = np.concatenate([r for r, c in zip(reach, colours, strict=True) if c == colour])
+            assert len(set(rows.tolist())) == len(rows)
+        band = [np.arange(max(j - 1, 0), min(j + 2, n)) for j in range(n)]
+        assert structure.colour_columns(band, n) == [j % 3 for j in range(n)]
