@@ -64,7 +64,7 @@ def integrate(
     h, t_end, steps : two of the three: step, time of the end, number of steps.  Given h and t_end, h is adjusted so
         that a whole number of steps ends at t_end, upwards by no more than 1 %.  A t_end before t0, or a negative h
         with steps, goes back in time
-    t0 : the time at the start, which only labels the rows: the system is autonomous
+    t0 : the time at the start, which labels the rows, and counts where H depends on time
     q0, p0 : arrays (d,), the initial state if not the problem's
     save_every : store every Nth state, and the last; 0 stores the first and the last
     parameters : values of the method's parameters

@@ -128,24 +128,9 @@ def integrate_ensemble(
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Ensemble:
-    """Integrate many orbits of ``problem`` with ``method``.
+    """Integrate many orbits of a system, or of an object with ``system``, with an id or a method.
 
-    Parameters
-    ----------
-    problem : a system, or an object with ``system``
-    method : an id or a method
-    Q, P : arrays (n, d), the initial states; one that is not finite is "invalid", and the others go on
-    h : number, or array (n,) with a step for each orbit
-    t_end, steps : as in `integrate`; if ``t_end`` and different h make the numbers of rows differ, save_every must be 0
-    parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
-    save_every : store every Nth state, and the last; 0 stores the first and the last
-    lanes : True to integrate in SIMD lanes, False not to; None to do so if possible and if there are enough orbits
-    threads : the number of threads; None for all cores that this process may use
-    progress : called with the number of orbits that are finished
-
-    Returns
-    -------
-    Ensemble
+    The arguments are those of `phasebench.integrate_ensemble`, but that ``parameters`` are the method's.
 
     Raises
     ------

@@ -285,24 +285,8 @@ def section(
 ) -> Section:
     """Integrate an ensemble and find its crossings of a plane.
 
-    Parameters
-    ----------
-    problem : a system, or an object with ``system``
-    method : an id or a method
-    Q, P : arrays (n, d), the initial states; one that is not finite is "invalid", and the others go on
-    of, at : the coordinate or momentum by its name, such as "q1", or a formula of these, such as "q1 - q2"; and its
-        value at a crossing
-    rising : True to find crossings at which it rises, False for those at which it falls, None for either
-    every : search every Nth state; two crossings between two such states are missed
-    h : number, or array (n,) with a step for each orbit
-    t_end, steps : as in `integrate`
-    parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
-    lanes, threads, progress : as in `integrate_ensemble`
-
-    Returns
-    -------
-    Section
-        Its arrays take 8 (2 d + 2) bytes a crossing; little more is needed while they are filled.
+    The arguments are those of `phasebench.section`, but that ``parameters`` are the method's.  The arrays take
+    8 (2 d + 2) bytes a crossing; little more is needed while they are filled.
 
     Raises
     ------
