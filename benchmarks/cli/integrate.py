@@ -31,8 +31,8 @@ from .shared import (
 if TYPE_CHECKING:
     from phasebench.benchmarks.measure.every_step import Extreme, Extremes
     from phasebench.benchmarks.measure.integrator import Integrator
+    from phasebench.benchmarks.measure.solution import Solution
     from phasebench.benchmarks.problems.base import Problem
-    from phasebench.integrators.solution import Solution
 
 #: The reason of no error of the end state where another quantity alone was asked for.
 NOT_ASKED = "not asked for"
@@ -207,30 +207,33 @@ def _integrated(
         rows = trajectory.write(wanted.output, shown, 1 if integrator.stoppable else wanted.every)
         result["output"] = {"file": str(wanted.output), "rows": rows}
     if solution.status == "ok" and (wanted.error or wanted.quantity):
-        result |= _errors(problem, integrator, solution, wanted, tol, common)
+        result |= _errors(shown, integrator, solution, wanted, tol, common)
     return result
 
 
 def _errors(
-    problem: Problem, integrator: Integrator, solution: Solution, wanted: Wanted, tol: float | None, common: dict
+    shown: Solution, integrator: Integrator, whole: Any, wanted: Wanted, tol: float | None, common: dict
 ) -> dict[str, Any]:
-    """The errors of the end state, unless not asked for or the quantity is conserved, and of the quantity."""
+    """The errors of the end state, unless not asked for or the quantity is conserved, and of the quantity.
+
+    ``whole`` is the solution with the time as a coordinate, if H depends on it.
+    """
     from phasebench.benchmarks.measure import global_error as against
     from phasebench.benchmarks.measure.named_quantities import quantity
     from phasebench.reference.solvers.watch import watching
 
+    problem = shown._started()
     chosen = wanted.quantity and quantity(problem, wanted.quantity)
-    problem = against.with_start(problem, common["q0"], common["p0"], tangent=False)
-    t_end = float((solution.t[-1] if common["t_end"] is None else common["t_end"]) - common["t0"])
+    t_end = float((whole.t[-1] if common["t_end"] is None else common["t_end"]) - common["t0"])
     found: dict[str, Any] = {
         "global_error": None,
         "reference": {"uncertainty": None, "horizon": None, "reason": NOT_ASKED},
     }
     with telling("reference") as tell, watching(inf, tell):
         if wanted.error and not (chosen and chosen.kept):
-            found = against.end_error(problem, solution, t_end)
+            found = against.end_error(problem, whole, t_end)
         if chosen:
-            size = {"tol": tol} if integrator.adaptive else {"steps": solution.counts["steps"]}
+            size = {"tol": tol} if integrator.adaptive else {"steps": whole.counts["steps"]}
             found["quantity_error"] = against.quantity_error(problem, integrator, chosen, t_end, size)
     return found
 

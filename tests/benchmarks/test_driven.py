@@ -196,11 +196,13 @@ def test_its_figure_is_a_phase_portrait():
     assert [x.get_ylabel() for x in axes] == ["H - H(0)", "p"]
 
 
-def test_command_line():
-    told = ["--hamiltonian", SWING, "--q", "1", "--p", "0.5", "--h", "0.1", "--t-end", "10", "--error"]
-    found = integrate_json("gauss-8", *told)
+@pytest.mark.parametrize("t0", [0, 2])
+def test_command_line(t0):
+    told = ["--hamiltonian", SWING, "--q", "1", "--p", "0.5", "--h", "0.1", "--t0", str(t0), "--t-end", "10", "--error"]
+    found = integrate_json("gauss-8", *told, "--quantity", "trajectory")
     assert len(found["q"]) == len(found["p"]) == 1
     assert found["global_error"] < 1e-12
+    assert found["quantity_error"]["error"] < 1e-12
     assert found["energy_error"]["max"] < 1e-14
 
 
