@@ -186,7 +186,7 @@ def section(
     every : test every Nth step for a crossing; two crossings between two tests are missed
     h : number, or array (n,) with a step for each orbit
     t_end, steps : as in `integrate`
-    parameters, lanes, threads, progress : as in `integrate_ensemble`
+    parameters, lanes, threads, progress : as in `integrate_ensemble`; parameters are the method's alone
 
     Returns
     -------
