@@ -11,6 +11,8 @@ from phasebench.benchmarks.store.tables import Table
 from phasebench.integrators.registry import method
 
 REPORTS = Path(__file__).resolve().parents[2] / "reports"
+#: Fewer kernels are no median: a run that measures a sample alone has one or two.
+ENOUGH = len(canary.METHODS) // 2
 
 
 def cells(quick: bool = False) -> list[Cell]:
@@ -30,6 +32,7 @@ def bench_canary(outcome: Outcome, notes: list[str]) -> None:
     failed = [outcome.failed[c.id] for c in outcome.cells if canary.TABLE in c.tables and c.id in outcome.failed]
     assert not failed, "\n".join(failed)
     stored = {r["method"]: float(r["ratio"]) for r in Table(REPORTS / "data", canary.TABLE).rows}
-    found = canary.change(outcome.rows(canary.TABLE), stored.get)
+    measured = outcome.rows(canary.TABLE)
+    found = canary.change(measured, stored.get) if len(measured) >= ENOUGH else None
     if found is not None and not 1 / canary.SAME <= found <= canary.SAME:
         notes.append(f"stored times do not describe this code: kernels take {found:.2f} times as long (--times)")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ import pytest
 from phasebench.benchmarks import report
 from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, MISSING, UNTESTABLE, WHERE
 from phasebench.benchmarks.measure import canary
+from phasebench.benchmarks.store import bench_canary
 from phasebench.benchmarks.studies.catalogue import tables as transcribed
 from phasebench.benchmarks.studies.costs import large, step
 from phasebench.benchmarks.studies.costs.systems import SYSTEMS
@@ -188,6 +190,11 @@ def test_canary_sees_kernels_that_became_slower():
     slower = [row | {"ratio": 2.6 if k % 3 else 2.0} for k, row in enumerate(rows)]
     assert canary.change(slower, stored.get) > canary.SAME
     assert canary.change(rows, {}.get) is None
+    for few, told in ((slower, 1), (slower[:2], 0)):
+        notes = []
+        times = [r | {"ratio": 9e9} for r in few]
+        bench_canary.bench_canary(SimpleNamespace(cells=[], failed={}, rows=lambda _, rows=times: rows), notes)
+        assert len(notes) == told
 
 
 # -- many degrees of freedom, ensembles --------------------------------------------------------------------------------

@@ -24,8 +24,8 @@ ROOMS = {
     ("benchmarks/page",): (1410, 1600, 20),
     ("benchmarks/studies",): (18640, 14500, 11),
     ("benchmarks/cli",): (2670, 2100, 6),
-    ("benchmarks",): (47500, 35500, 14),
-    ("tests",): (22010, 17000, 6),
+    ("benchmarks",): (47505, 35500, 14),
+    ("tests",): (22020, 17000, 6),
     ("docs", "examples", "phasebench"): (2400, 2300, 15),
 }
 
