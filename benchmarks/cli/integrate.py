@@ -207,23 +207,18 @@ def _integrated(
         rows = trajectory.write(wanted.output, shown, 1 if integrator.stoppable else wanted.every)
         result["output"] = {"file": str(wanted.output), "rows": rows}
     if solution.status == "ok" and (wanted.error or wanted.quantity):
-        result |= _errors(shown, integrator, solution, wanted, tol, common)
+        result |= _errors(shown, integrator, wanted, tol, common)
     return result
 
 
-def _errors(
-    shown: Solution, integrator: Integrator, whole: Any, wanted: Wanted, tol: float | None, common: dict
-) -> dict[str, Any]:
-    """The errors of the end state, unless not asked for or the quantity is conserved, and of the quantity.
-
-    ``whole`` is the solution with the time as a coordinate, if H depends on it.
-    """
+def _errors(shown: Solution, integrator: Integrator, wanted: Wanted, tol: float | None, common: dict) -> dict[str, Any]:
+    """The errors of the end state, unless not asked for or the quantity is conserved, and of the quantity."""
     from phasebench.benchmarks.measure import global_error as against
     from phasebench.benchmarks.measure.named_quantities import quantity
     from phasebench.reference.solvers.watch import watching
 
-    problem = shown._started()
-    chosen = wanted.quantity and quantity(problem, wanted.quantity)
+    chosen = wanted.quantity and quantity(shown.problem, wanted.quantity)
+    problem, whole = shown._started(), shown.whole or shown
     t_end = float((whole.t[-1] if common["t_end"] is None else common["t_end"]) - common["t0"])
     found: dict[str, Any] = {
         "global_error": None,

@@ -139,14 +139,14 @@ def integrate_ensemble(
         return Ensemble(**fields_of(ensemble.conclude(whole, *_run(whole, chosen, lanes, threads, progress))))
     groups, ends, done = _groups(of_problem, len(whole.q)), [], 0
     problems = [_changed(problem, values) for values, _ in groups]
-    driven = next((x for x in problems if _is_driven(x)), None)
-    if driven is not None:
-        whole = ensemble.begin(driven, chosen, Q, P, h, t_end, steps, given, save_every)
+    driven = [x for x in problems if _is_driven(x)]
+    if driven and not whole.system.driven:
+        whole = ensemble.begin(driven[0], chosen, Q, P, h, t_end, steps, given, save_every)
     for changed, (_, members) in zip(problems, groups, strict=True):
         some = {name: np.asarray(x)[members] if np.ndim(x) else x for name, x in given.items()}
         sizes = np.asarray(h)[members] if np.ndim(h) else h
         start = whole.q[members], whole.p[members]
-        lost = driven is not None and not _is_driven(changed)
+        lost = whole.system.driven and not _is_driven(changed)
         real = [x[:, :-1] for x in start] if lost else start
         orbits = ensemble.begin(changed, chosen, *real, sizes, t_end, steps, some, save_every)
         tell = None if progress is None else partial(_tell, progress, done)

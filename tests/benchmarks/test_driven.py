@@ -12,6 +12,8 @@ from support.commands import integrate_json
 
 SWING = "p**2/2 - cos(q)*(1 + sin(13*t/10)/10)"
 DRIVEN = pb.Hamiltonian(q="q", p="p", H=SWING)
+#: The same with the time as a coordinate by hand.
+HAND = pb.Hamiltonian(q="q s", p="p ps", H=f"{SWING.replace('t)', 's)').replace('*t/', '*s/')} + ps")
 START = {"q0": [1.0], "p0": [0.5]}
 
 
@@ -21,8 +23,7 @@ def end(found):
 
 @pytest.mark.parametrize("method", ["stormer-verlet", "rk4", "gauss-4", "scheme-v", "generating-function"])
 def test_it_is_the_extension_made_by_hand_to_the_last_bit(method):
-    hand = pb.Hamiltonian(q="q s", p="p ps", H=f"{SWING.replace('t)', 's)').replace('*t/', '*s/')} + ps")
-    extended = pb.integrate(hand, method, h=0.1, t_end=20.0, q0=[1.0, 0.0], p0=[0.5, 0.0])
+    extended = pb.integrate(HAND, method, h=0.1, t_end=20.0, q0=[1.0, 0.0], p0=[0.5, 0.0])
     found = pb.integrate(DRIVEN, method, h=0.1, t_end=20.0, **START)
     assert found.q.shape == found.p.shape == (201, 1)
     np.testing.assert_array_equal(found.q[:, 0], extended.q[:, 0])
@@ -48,9 +49,8 @@ def test_the_time_counts_from_t0(method, t0):
 
 
 def test_heyokas_tolerance_is_of_the_state_and_not_of_the_time():
-    hand = pb.Hamiltonian(q="q s", p="p ps", H=f"{SWING.replace('t)', 's)').replace('*t/', '*s/')} + ps")
     exact = end(pb.integrate(DRIVEN, "heyoka", t_end=1000.0, **START))
-    extended = pb.integrate(hand, "heyoka", tol=1e-8, t_end=1000.0, q0=[1.0, 0.0], p0=[0.5, 0.0])
+    extended = pb.integrate(HAND, "heyoka", tol=1e-8, t_end=1000.0, q0=[1.0, 0.0], p0=[0.5, 0.0])
     rows = pb.integrate(DRIVEN, "heyoka", tol=1e-8, t0=0.0, t_end=1000.0, t_eval=[400.0, 1000.0], **START)
     q, p, _ = pb.prepare(DRIVEN, "heyoka", tol=1e-8, q0=[1.0, 0.0], p0=[0.5, 0.0])(1000.0)
     assert q[1] == 1000.0
@@ -189,6 +189,9 @@ def test_a_value_that_takes_the_time_out_of_H(usual):
         np.testing.assert_allclose(many.Q[k, :, 1], t0 + many.times[k])
     assert many.P[1, :, 1].tolist() == [0.25 if usual else 0.0] * 3
     assert abs(many.p[0, 1] - many.P[0, 0, 1]) > 1e-3
+    if usual:
+        none = pb.integrate_ensemble(swing, "rk4", *start, **run, parameters={"a": 0})
+        np.testing.assert_array_equal(none.q[1], many.q[1])
 
 
 def test_its_figure_is_a_phase_portrait():

@@ -281,6 +281,6 @@ def test_median_phase_error_from_draws(others, found):
 
 
 def test_a_matrix_known_to_an_error_may_be_off_by_it():
-    off = np.array([[1.0, 0.0], [0.0, 1.0 + 1e-4]])  # det > 1: the second entry of the margins' last row is negative
+    off = np.array([[1.0, 0.0], [0.0, 1.0 + 1e-4]])  # det > 1, so that the third margin is negative
     assert linear_stability.margins(off).min() < 0
     assert linear_stability.margins(off, noise=1e-6).min() < 0 < linear_stability.margins(off, noise=1e-4).min()
